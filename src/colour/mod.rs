@@ -1,0 +1,1 @@
+//! From spectra to what an eye or a screen sees.

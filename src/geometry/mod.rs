@@ -1,0 +1,60 @@
+//! Shapes and rays, in `f64` and in coordinates relative to the scene's centre.
+
+mod aabb;
+mod surface;
+
+pub use aabb::Aabb;
+pub use surface::{PLANARITY_TOLERANCE, Shape, Surface};
+
+use glam::DVec3;
+
+/// Index of a surface in [`crate::scene::Geometry::surfaces`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SurfaceId(pub u32);
+
+impl SurfaceId {
+    /// As an index.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// The side of a surface: [`Side::Front`] is where its normal points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Side {
+    /// Where the normal points.
+    Front,
+    /// The other one.
+    Back,
+}
+
+/// A ray `origin + t direction` for `t` in `(t_min, t_max)`; the direction need not be unit.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Start, relative to the scene's centre, m.
+    pub origin: DVec3,
+    /// Direction, any finite non-zero length.
+    pub direction: DVec3,
+    /// Hits at or before this parameter do not count.
+    pub t_min: f64,
+    /// Hits at or beyond this parameter do not count.
+    pub t_max: f64,
+}
+
+impl Ray {
+    /// The point at parameter `t`.
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.origin + t * self.direction
+    }
+}
+
+/// Where a ray meets a surface first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The surface met.
+    pub surface: SurfaceId,
+    /// Ray parameter.
+    pub t: f64,
+    /// The side met.
+    pub side: Side,
+}

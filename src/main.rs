@@ -1,0 +1,2 @@
+//! The luxgraph command.
+fn main() {}

@@ -1,0 +1,83 @@
+//! Sample points (section 3.1.2): every surface is divided in four, recursively, and a point with
+//! the area of its element stands at the centre of each.
+
+mod cell;
+mod subdivide;
+
+pub use cell::Cell;
+pub use subdivide::{Element, divide_by_area, element_area};
+
+use crate::geometry::{Side, SurfaceId};
+use glam::Vec3;
+
+/// When to stop dividing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// An element larger than this is divided, m².
+    pub max_area: f64,
+    /// The paper's second threshold: an element that a facing point could see under more than
+    /// this solid angle is divided, sr.
+    pub max_solid_angle: Option<f64>,
+    /// Graph-driven refinement (4.2.2): the same, but only between points that see each other, sr.
+    pub refine_solid_angle: Option<f64>,
+    /// No division below this depth.
+    pub max_level: u8,
+}
+
+impl Sampling {
+    /// Division by area alone.
+    pub fn by_area(max_area: f64) -> Self {
+        Sampling { max_area, max_solid_angle: None, refine_solid_angle: None, max_level: 12 }
+    }
+}
+
+/// Index of a point that is not there.
+pub const NO_POINT: u32 = u32::MAX;
+
+/// All sample points, structure of arrays, sorted by voxel, then surface, side and cell.
+#[derive(Clone, Debug, Default)]
+pub struct SamplePoints {
+    /// P_i, relative to the scene's centre, m.
+    pub position: Vec<Vec3>,
+    /// Unit normal on the point's own side.
+    pub normal: Vec<Vec3>,
+    /// δS_i, m².
+    pub area: Vec<f32>,
+    /// Corners of the element, counter-clockwise as seen from the point's own side; the last is
+    /// repeated for a triangle.
+    pub corners: Vec<[Vec3; 4]>,
+    /// The surface it lies on.
+    pub surface: Vec<SurfaceId>,
+    /// The side of the surface it lies on.
+    pub side: Vec<Side>,
+    /// The point at the same place on the other side, or [`NO_POINT`].
+    pub twin: Vec<u32>,
+    /// The element, as a cell of the surface's quadtree.
+    pub cell: Vec<Cell>,
+    /// First point of each voxel, and at the end the number of points: `[voxels + 1]`.
+    pub voxel_starts: Vec<u32>,
+    /// Hash of geometry and sampling: the key of a saved graph.
+    pub key: [u8; 32],
+}
+
+impl SamplePoints {
+    /// N.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Number of voxels, empty ones included.
+    pub fn voxels(&self) -> usize {
+        self.voxel_starts.len().saturating_sub(1)
+    }
+
+    /// The points of voxel `v`.
+    pub fn voxel(&self, v: usize) -> std::ops::Range<usize> {
+        self.voxel_starts[v] as usize..self.voxel_starts[v + 1] as usize
+    }
+}

@@ -1,0 +1,138 @@
+//! Dividing surfaces into elements, and elements into sample points.
+
+use super::{Cell, NO_POINT, SamplePoints, Sampling};
+use crate::geometry::{Side, SurfaceId};
+use crate::scene::Geometry;
+use glam::DVec3;
+
+/// An element: a cell of a surface.
+pub type Element = (SurfaceId, Cell);
+
+/// Divides every surface until no element is larger than `sampling.max_area` (section 3.1.2).
+pub fn divide_by_area(geometry: &Geometry, sampling: &Sampling) -> Vec<Element> {
+    let mut elements = Vec::new();
+    let mut open: Vec<Element> = Vec::new();
+    for s in 0..geometry.surfaces.len() {
+        open.push((SurfaceId(s as u32), Cell::ROOT));
+        while let Some((id, cell)) = open.pop() {
+            let large = element_area(geometry, (id, cell)) > sampling.max_area;
+            if large && cell.level < sampling.max_level.min(Cell::MAX_LEVEL) {
+                open.extend((0..4).rev().map(|c| (id, cell.child(c))));
+            } else {
+                elements.push((id, cell));
+            }
+        }
+    }
+    elements
+}
+
+/// Area of an element, m².
+pub fn element_area(geometry: &Geometry, (id, cell): Element) -> f64 {
+    let c = cell.corners(geometry.surface(id));
+    0.5 * (c[2] - c[0]).cross(c[3] - c[1]).length()
+}
+
+impl SamplePoints {
+    /// One point at the centre of each element, two where the surface is two-sided, sorted by
+    /// voxel. `voxel_of` gives the voxel, below `voxels`, of a place in local coordinates.
+    pub fn new(
+        geometry: &Geometry,
+        elements: &[Element],
+        voxels: usize,
+        voxel_of: impl Fn(DVec3) -> usize,
+    ) -> SamplePoints {
+        struct Draft {
+            voxel: usize,
+            element: Element,
+            side: Side,
+            position: DVec3,
+        }
+        let mut drafts = Vec::with_capacity(elements.len());
+        for &(id, cell) in elements {
+            let surface = geometry.surface(id);
+            let uv = cell.centre_uv(&surface.shape);
+            // The voxel is that of the point as stored, on the f32 lattice.
+            let position = surface.point_at(uv.x, uv.y).as_vec3().as_dvec3();
+            let voxel = voxel_of(position);
+            drafts.push(Draft { voxel, element: (id, cell), side: Side::Front, position });
+            if geometry.two_sided[id.index()] {
+                drafts.push(Draft { voxel, element: (id, cell), side: Side::Back, position });
+            }
+        }
+        drafts.sort_by_key(|d| {
+            (
+                d.voxel,
+                d.element.0,
+                d.side,
+                d.element.1.path << (32 - 2 * u32::from(d.element.1.level)).min(31),
+            )
+        });
+
+        let mut points = SamplePoints { voxel_starts: vec![0; voxels + 1], ..Default::default() };
+        let mut front = std::collections::HashMap::new();
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&geometry.hash());
+        for (i, draft) in drafts.iter().enumerate() {
+            let (id, cell) = draft.element;
+            let surface = geometry.surface(id);
+            let mut corners = cell.corners(surface).map(|c| c.as_vec3());
+            let mut normal = surface.normal.as_vec3();
+            let mut twin = NO_POINT;
+            match draft.side {
+                Side::Front => {
+                    front.insert(draft.element, i as u32);
+                }
+                Side::Back => {
+                    normal = -normal;
+                    corners.reverse();
+                    if let Some(&other) = front.get(&draft.element) {
+                        twin = other;
+                        points.twin[other as usize] = i as u32;
+                    }
+                }
+            }
+            points.position.push(draft.position.as_vec3());
+            points.normal.push(normal);
+            points.area.push(element_area(geometry, draft.element) as f32);
+            points.corners.push(corners);
+            points.surface.push(id);
+            points.side.push(draft.side);
+            points.twin.push(twin);
+            points.cell.push(cell);
+            points.voxel_starts[draft.voxel + 1] += 1;
+            hasher.update(&id.0.to_le_bytes());
+            hasher.update(&cell.path.to_le_bytes());
+            hasher.update(&[cell.level, draft.side as u8]);
+            hasher.update(&(draft.voxel as u32).to_le_bytes());
+        }
+        for v in 0..voxels {
+            points.voxel_starts[v + 1] += points.voxel_starts[v];
+        }
+        points.key = *hasher.finalize().as_bytes();
+        points
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use crate::scene::ObjectId;
+
+    #[test]
+    fn areas_add_up_and_twins_meet() {
+        let shape = Shape::Quad([DVec3::ZERO, 2.0 * DVec3::X, DVec3::new(2.0, 3.0, 0.0), 3.0 * DVec3::Y]);
+        let geometry = Geometry::new(vec![(shape, true, 0, ObjectId(0))], vec!["pane".into()]);
+        let elements = divide_by_area(&geometry, &Sampling::by_area(0.1));
+        let points = SamplePoints::new(&geometry, &elements, 1, |_| 0);
+        assert_eq!(points.len(), 2 * 64);
+        let total: f64 = points.area.iter().map(|&a| f64::from(a)).sum();
+        assert!((total - 12.0).abs() < 1e-5);
+        for i in 0..points.len() {
+            let t = points.twin[i] as usize;
+            assert_eq!(points.twin[t] as usize, i);
+            assert_eq!(points.position[t], points.position[i]);
+            assert_eq!(points.normal[t], -points.normal[i]);
+        }
+    }
+}

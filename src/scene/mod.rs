@@ -1,0 +1,130 @@
+//! A scene: geometry, which the visibility graph depends on, and appearance, which it does not.
+
+mod camera;
+mod sampled;
+
+pub use camera::Camera;
+pub use sampled::SampledAppearance;
+
+use crate::geometry::{Aabb, Surface, SurfaceId};
+use crate::material::Material;
+use crate::points::Sampling;
+use glam::DVec3;
+
+/// Index of a material in [`Appearance::materials`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct MaterialId(pub u32);
+
+/// Index of an object in [`Geometry::objects`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ObjectId(pub u32);
+
+/// A compiled scene: everything is validated, nothing is missing.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Shapes: all that visibility depends on.
+    pub geometry: Geometry,
+    /// Materials and who wears them: all that may change under a graph.
+    pub appearance: Appearance,
+    /// How the scene file asks for the surfaces to be sampled.
+    pub sampling: Sampling,
+    /// Named cameras, in the order of the file; at least one.
+    pub cameras: Vec<Camera>,
+    /// What the loader repaired or ignored, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// The shapes of a scene, in coordinates relative to [`Geometry::centre`].
+#[derive(Clone, Debug)]
+pub struct Geometry {
+    /// Centre of the bounds in world coordinates, m. World = centre + local.
+    pub centre: DVec3,
+    /// Half the diagonal of the bounds, m.
+    pub radius: f64,
+    /// All surfaces.
+    pub surfaces: Vec<Surface>,
+    /// Per surface: whether its back has sample points too.
+    pub two_sided: Vec<bool>,
+    /// Per surface: the patch it belongs to. Surfaces of one patch are pieces of one smooth
+    /// surface (the two triangles of a warped quadrilateral) and are interpolated across.
+    pub patch: Vec<u32>,
+    /// Per surface: its object.
+    pub object: Vec<ObjectId>,
+    /// Names of the objects.
+    pub objects: Vec<String>,
+}
+
+impl Geometry {
+    /// Centres `shapes` (world coordinates, with `two_sided`, patch and object of each) and puts
+    /// their vertices on the `f32` lattice.
+    pub fn new(shapes: Vec<(crate::geometry::Shape, bool, u32, ObjectId)>, objects: Vec<String>) -> Self {
+        use crate::geometry::Shape;
+        let bounds = shapes.iter().fold(Aabb::EMPTY, |b, (shape, ..)| b.union(Surface::new(*shape).bounds()));
+        let centre = if shapes.is_empty() { DVec3::ZERO } else { bounds.centre() };
+        let local = |p: DVec3| (p - centre).as_vec3().as_dvec3();
+        let mut geometry = Geometry {
+            centre,
+            radius: if shapes.is_empty() { 0.0 } else { 0.5 * bounds.size().length() },
+            surfaces: Vec::with_capacity(shapes.len()),
+            two_sided: Vec::with_capacity(shapes.len()),
+            patch: Vec::with_capacity(shapes.len()),
+            object: Vec::with_capacity(shapes.len()),
+            objects,
+        };
+        for (shape, two_sided, patch, object) in shapes {
+            geometry.surfaces.push(Surface::new(match shape {
+                Shape::Quad(v) => Shape::Quad(v.map(local)),
+                Shape::Triangle(v) => Shape::Triangle(v.map(local)),
+            }));
+            geometry.two_sided.push(two_sided);
+            geometry.patch.push(patch);
+            geometry.object.push(object);
+        }
+        geometry
+    }
+
+    /// The smallest box around all surfaces, local coordinates.
+    pub fn bounds(&self) -> Aabb {
+        self.surfaces.iter().fold(Aabb::EMPTY, |b, s| b.union(s.bounds()))
+    }
+
+    /// The surface `id`.
+    pub fn surface(&self, id: SurfaceId) -> &Surface {
+        &self.surfaces[id.index()]
+    }
+
+    /// Distances from a plane below this are no distance at all: the `f32` lattice cannot tell, m.
+    pub fn plane_tolerance(&self) -> f64 {
+        1e-6 * self.radius
+    }
+
+    /// A hash of all that sampling and visibility depend on.
+    pub fn hash(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        for (surface, two_sided) in self.surfaces.iter().zip(&self.two_sided) {
+            hasher.update(&[surface.vertices().len() as u8, u8::from(*two_sided)]);
+            for v in surface.vertices() {
+                for x in v.to_array() {
+                    hasher.update(&x.to_le_bytes());
+                }
+            }
+        }
+        *hasher.finalize().as_bytes()
+    }
+}
+
+/// Materials, and which surface wears which.
+#[derive(Clone, Debug)]
+pub struct Appearance {
+    /// All materials of the scene file, used or not.
+    pub materials: Vec<Material>,
+    /// Per surface: its material.
+    pub surface_material: Vec<MaterialId>,
+}
+
+impl Appearance {
+    /// The material of surface `id`.
+    pub fn material(&self, id: SurfaceId) -> &Material {
+        &self.materials[self.surface_material[id.index()].0 as usize]
+    }
+}

@@ -1,0 +1,16 @@
+//! The second pass (section 3.4): the view, by distributed ray tracing.
+
+use crate::spectrum::Wavelengths;
+
+/// Radiance through every pixel.
+#[derive(Clone, Debug)]
+pub struct SpectralImage {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// What the radiances are sampled at.
+    pub wavelengths: Wavelengths,
+    /// Radiance, W m⁻² sr⁻¹ nm⁻¹, `[height][width][W]`, from the top left.
+    pub radiance: Vec<f32>,
+}

@@ -1,0 +1,79 @@
+//! Every surface against every ray in `f64`: slow, simple, the baseline of the others' tests.
+
+use super::{RayTracer, Segment};
+use crate::geometry::{Hit, Ray, Side, Surface, SurfaceId};
+use crate::scene::Geometry;
+use glam::DVec3;
+
+/// Tests all surfaces in turn.
+pub struct BruteForce<'a> {
+    surfaces: &'a [Surface],
+}
+
+impl<'a> BruteForce<'a> {
+    /// A tracer over `geometry`.
+    pub fn new(geometry: &'a Geometry) -> Self {
+        BruteForce { surfaces: &geometry.surfaces }
+    }
+}
+
+/// The ray parameter at which `ray` crosses the triangle, edges included
+/// (signed volumes: neighbours that share an edge decide alike, so nothing leaks between them).
+pub fn intersect_triangle(ray: &Ray, triangle: &[DVec3; 3]) -> Option<f64> {
+    let [a, b, c] = triangle.map(|v| v - ray.origin);
+    let d = ray.direction;
+    let (u, v, w) = (d.dot(c.cross(b)), d.dot(a.cross(c)), d.dot(b.cross(a)));
+    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        return None;
+    }
+    let det = u + v + w;
+    if det == 0.0 {
+        return None;
+    }
+    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+    let t = normal.dot(a) / normal.dot(d);
+    (t > ray.t_min && t < ray.t_max).then_some(t)
+}
+
+/// The nearest crossing of a surface within the ray's limits.
+pub fn intersect_surface(ray: &Ray, surface: &Surface) -> Option<f64> {
+    let (triangles, count) = surface.triangles();
+    triangles[..count].iter().filter_map(|t| intersect_triangle(ray, t)).min_by(f64::total_cmp)
+}
+
+/// The side of `surface` that a ray along `direction` meets.
+pub fn side_met(surface: &Surface, direction: DVec3) -> Side {
+    if surface.normal.dot(direction) <= 0.0 { Side::Front } else { Side::Back }
+}
+
+/// The ray along a segment, with the segment's margins as limits.
+pub fn segment_ray(segment: &Segment) -> Ray {
+    let origin = segment.from.as_dvec3();
+    let margin = f64::from(segment.margin());
+    Ray { origin, direction: segment.to.as_dvec3() - origin, t_min: margin, t_max: 1.0 - margin }
+}
+
+impl RayTracer for BruteForce<'_> {
+    fn name(&self) -> String {
+        "brute force".into()
+    }
+
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let mut limited = *ray;
+        let mut best = None;
+        for (i, surface) in self.surfaces.iter().enumerate() {
+            if let Some(t) = intersect_surface(&limited, surface) {
+                limited.t_max = t;
+                let side = side_met(surface, ray.direction);
+                best = Some(Hit { surface: SurfaceId(i as u32), t, side });
+            }
+        }
+        best
+    }
+
+    fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
+        let ray = segment_ray(segment);
+        let blocks = |s: &Surface| intersect_surface(&ray, s).is_some();
+        self.surfaces.iter().position(blocks).map(|i| SurfaceId(i as u32))
+    }
+}
