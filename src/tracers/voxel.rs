@@ -1,0 +1,181 @@
+//! The paper's ray tracer: voxels stepped through in the order of the ray (section 4.1).
+//!
+//! All in `f64`, and with the very edge functions of [`super::brute_force`]: it finds what brute
+//! force finds, to the bit, only sooner.
+
+use super::brute_force::{segment_ray, side_met};
+use super::{RayTracer, Segment};
+use crate::geometry::{Hit, Ray, Surface, SurfaceId};
+use crate::scene::Geometry;
+use crate::voxels::{MAX_LEVEL, VoxelSettings, Voxels, Walk};
+use glam::DVec3;
+
+/// Casts rays through voxels of its own, finer than those of the visibility graph.
+#[derive(Clone, Debug)]
+pub struct VoxelTracer {
+    voxels: Voxels,
+    facets: Vec<Facet>,
+}
+
+/// A surface made ready to be hit.
+#[derive(Clone, Debug)]
+struct Facet {
+    surface: Surface,
+    /// All of the surface lies this close to its mean plane, rounding included, m.
+    slack: f64,
+    /// Corners as in [`Surface::triangles`]: v0 v1 v3 and v2 v3 v1. A triangle v0 v1 v2 is
+    /// stored as v0 v1 (v0) v2.
+    corners: [DVec3; 4],
+    /// Normals of the two triangles, not unit; the second is zero for a triangle.
+    normals: [DVec3; 2],
+}
+
+/// Surfaces already tried by one ray: a surface often meets several voxels on the way. Places are
+/// shared, and what falls out is merely tried again.
+struct Mailbox([u32; Mailbox::PLACES]);
+
+impl Mailbox {
+    const PLACES: usize = 64;
+
+    fn new() -> Self {
+        Mailbox([u32::MAX; Mailbox::PLACES])
+    }
+
+    /// Whether `id` is new.
+    #[inline]
+    fn post(&mut self, id: SurfaceId) -> bool {
+        let place = &mut self.0[id.index() % Mailbox::PLACES];
+        let new = *place != id.0;
+        *place = id.0;
+        new
+    }
+}
+
+impl Facet {
+    fn new(surface: &Surface, radius: f64) -> Self {
+        let (triangles, count) = surface.triangles();
+        let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
+        let [a, b, d] = triangles[0];
+        let (c, second) = if count == 2 { (triangles[1][0], normal(triangles[1])) } else { (a, DVec3::ZERO) };
+        let bend = surface.vertices().iter().map(|&v| surface.distance(v).abs()).fold(0.0, f64::max);
+        Facet {
+            surface: *surface,
+            slack: bend + 1e-9 * radius,
+            corners: [a, b, c, d],
+            normals: [normal(triangles[0]), second],
+        }
+    }
+
+    /// Whether the part of the ray between the parameters keeps to one side of the surface.
+    #[inline]
+    fn keeps_off(&self, ray: &Ray, (t0, t1): (f64, f64)) -> bool {
+        let start = self.surface.distance(ray.origin);
+        let slope = self.surface.normal.dot(ray.direction);
+        let (a, b) = (start + t0 * slope, start + t1 * slope);
+        a.min(b) > self.slack || a.max(b) < -self.slack
+    }
+
+    /// [`super::brute_force::intersect_surface`], the products that the two triangles share
+    /// computed once: the same bits.
+    #[inline]
+    fn intersect(&self, ray: &Ray) -> Option<f64> {
+        let d = ray.direction;
+        let [a, b, c, e] = self.corners.map(|v| v - ray.origin);
+        let diagonal = d.dot(e.cross(b));
+        let first = same_sign(diagonal, d.dot(a.cross(e)), d.dot(b.cross(a)));
+        let second = self.normals[1] != DVec3::ZERO
+            && same_sign(-diagonal, d.dot(c.cross(b)), d.dot(e.cross(c)));
+        let reach = |hit: bool, normal: DVec3, corner: DVec3| {
+            let t = normal.dot(corner) / normal.dot(d);
+            (hit && t > ray.t_min && t < ray.t_max).then_some(t)
+        };
+        match (reach(first, self.normals[0], a), reach(second, self.normals[1], c)) {
+            (Some(s), Some(t)) => Some(s.min(t)),
+            (s, t) => s.or(t),
+        }
+    }
+}
+
+/// Whether none of the edge functions is against the others, and not all are zero.
+#[inline]
+fn same_sign(u: f64, v: f64, w: f64) -> bool {
+    let against = (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0);
+    !against && u + v + w != 0.0
+}
+
+impl VoxelTracer {
+    /// A tracer over `geometry`, its voxels as fine as measurement showed best.
+    pub fn new(geometry: &Geometry) -> Self {
+        Self::with_settings(geometry, &Self::settings(geometry.surfaces.len()))
+    }
+
+    /// A tracer with voxels of a given fineness.
+    pub fn with_settings(geometry: &Geometry, settings: &VoxelSettings) -> Self {
+        VoxelTracer {
+            voxels: Voxels::build(geometry, settings),
+            facets: geometry.surfaces.iter().map(|s| Facet::new(s, geometry.radius)).collect(),
+        }
+    }
+
+    /// Settings for `surfaces` surfaces.
+    fn settings(surfaces: usize) -> VoxelSettings {
+        let level = 3 + surfaces.max(1).ilog2() as u8;
+        VoxelSettings { max_objects: 4, max_level: level.min(MAX_LEVEL) }
+    }
+
+    /// The voxels it steps through.
+    pub fn voxels(&self) -> &Voxels {
+        &self.voxels
+    }
+}
+
+impl RayTracer for VoxelTracer {
+    fn name(&self) -> String {
+        "voxel".into()
+    }
+
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let walk = Walk::new(&self.voxels, ray)?;
+        let limits = walk.limits();
+        let mut mailbox = Mailbox::new();
+        let mut best: Option<(f64, SurfaceId)> = None;
+        for step in walk {
+            for &id in self.voxels.surfaces_of(step.voxel) {
+                let facet = &self.facets[id.index()];
+                if !mailbox.post(id) || facet.keeps_off(ray, limits) {
+                    continue;
+                }
+                if let Some(t) = facet.intersect(ray) {
+                    // Of surfaces met at once the first counts, in whatever order they are tried.
+                    if best.is_none_or(|(s, other)| t < s || t == s && id < other) {
+                        best = Some((t, id));
+                    }
+                }
+            }
+            // A hit beyond this voxel may have a nearer one before it in the voxels between.
+            if best.is_some_and(|(t, _)| t <= step.t_exit) {
+                break;
+            }
+        }
+        best.map(|(t, surface)| {
+            let side = side_met(&self.facets[surface.index()].surface, ray.direction);
+            Hit { surface, t, side }
+        })
+    }
+
+    fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
+        let ray = segment_ray(segment);
+        let walk = Walk::new(&self.voxels, &ray)?;
+        let limits = walk.limits();
+        let mut mailbox = Mailbox::new();
+        for step in walk {
+            for &id in self.voxels.surfaces_of(step.voxel) {
+                let facet = &self.facets[id.index()];
+                if mailbox.post(id) && !facet.keeps_off(&ray, limits) && facet.intersect(&ray).is_some() {
+                    return Some(id);
+                }
+            }
+        }
+        None
+    }
+}
