@@ -52,6 +52,7 @@ impl Segment {
     pub fn margin(&self) -> f32 {
         let largest = self.from.abs().max(self.to.abs()).max_element();
         let length = (self.to - self.from).length();
-        (32.0 * f32::EPSILON * largest / length).clamp(1e-6, 1e-2)
+        // Not `clamp`: a segment of no length at the origin would give NaN.
+        (32.0 * f32::EPSILON * largest / length).max(1e-6).min(1e-2)
     }
 }

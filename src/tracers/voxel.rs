@@ -83,8 +83,8 @@ impl Facet {
         let [a, b, c, e] = self.corners.map(|v| v - ray.origin);
         let diagonal = d.dot(e.cross(b));
         let first = same_sign(diagonal, d.dot(a.cross(e)), d.dot(b.cross(a)));
-        let second = self.normals[1] != DVec3::ZERO
-            && same_sign(-diagonal, d.dot(c.cross(b)), d.dot(e.cross(c)));
+        let second =
+            self.normals[1] != DVec3::ZERO && same_sign(-diagonal, d.dot(c.cross(b)), d.dot(e.cross(c)));
         let reach = |hit: bool, normal: DVec3, corner: DVec3| {
             let t = normal.dot(corner) / normal.dot(d);
             (hit && t > ray.t_min && t < ray.t_max).then_some(t)

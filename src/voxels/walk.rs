@@ -74,8 +74,7 @@ impl<'a> Walk<'a> {
     /// Moves on to the cell beyond `axis` at `t`, or ends the walk at the side of the box.
     #[inline]
     fn advance(&mut self, cells: &[[u32; 2]; 3], axis: usize, t: f64) {
-        for a in 0..3 {
-            let [first, end] = cells[a];
+        for (a, &[first, end]) in cells.iter().enumerate() {
             let forward = self.inverse[a] > 0.0;
             if a == axis {
                 if if forward { end == self.voxels.cells_along(a) } else { first == 0 } {
