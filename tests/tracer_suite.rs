@@ -48,7 +48,11 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(geometry: &'a Geometry, make: impl Fn(&'a Geometry) -> Box<dyn RayTracer + 'a>, a: Agreement) -> Self {
+    fn new(
+        geometry: &'a Geometry,
+        make: impl Fn(&'a Geometry) -> Box<dyn RayTracer + 'a>,
+        a: Agreement,
+    ) -> Self {
         let (tracer, brute) = (make(geometry), BruteForce::new(geometry));
         Bench { tracer, brute, radius: geometry.radius, agreement: a }
     }

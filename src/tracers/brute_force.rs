@@ -1,5 +1,6 @@
 //! Every surface against every ray in `f64`: slow, simple, the baseline of the others' tests.
 
+use super::edges::{RayFrame, crossing, edge};
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Side, Surface, SurfaceId};
 use crate::scene::Geometry;
@@ -17,21 +18,11 @@ impl<'a> BruteForce<'a> {
     }
 }
 
-/// The ray parameter at which `ray` crosses the triangle, edges included
-/// (signed volumes: neighbours that share an edge decide alike, so nothing leaks between them).
+/// The ray parameter at which `ray` crosses the triangle, edges included: see [`super::edges`].
 pub fn intersect_triangle(ray: &Ray, triangle: &[DVec3; 3]) -> Option<f64> {
-    let [a, b, c] = triangle.map(|v| v - ray.origin);
-    let d = ray.direction;
-    let (u, v, w) = (d.dot(c.cross(b)), d.dot(a.cross(c)), d.dot(b.cross(a)));
-    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-        return None;
-    }
-    let det = u + v + w;
-    if det == 0.0 {
-        return None;
-    }
-    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
-    let t = normal.dot(a) / normal.dot(d);
+    let frame = RayFrame::new(ray);
+    let [a, b, c] = triangle.map(|v| frame.project(v));
+    let t = crossing([edge(c, b), edge(a, c), edge(b, a)], [a.z, b.z, c.z])?;
     (t > ray.t_min && t < ray.t_max).then_some(t)
 }
 

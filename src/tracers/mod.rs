@@ -4,6 +4,7 @@
 //! and must agree but for rays that graze an edge within rounding.
 
 pub mod brute_force;
+pub mod edges;
 pub mod voxel;
 
 use crate::geometry::{Hit, Ray, SurfaceId};

@@ -4,6 +4,7 @@
 //! force finds, to the bit, only sooner.
 
 use super::brute_force::{segment_ray, side_met};
+use super::edges::{RayFrame, crossing, edge};
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
@@ -26,8 +27,7 @@ struct Facet {
     /// Corners as in [`Surface::triangles`]: v0 v1 v3 and v2 v3 v1. A triangle v0 v1 v2 is
     /// stored as v0 v1 (v0) v2.
     corners: [DVec3; 4],
-    /// Normals of the two triangles, not unit; the second is zero for a triangle.
-    normals: [DVec3; 2],
+    is_triangle: bool,
 }
 
 /// Surfaces already tried by one ray: a surface often meets several voxels on the way. Places are
@@ -54,15 +54,14 @@ impl Mailbox {
 impl Facet {
     fn new(surface: &Surface, radius: f64) -> Self {
         let (triangles, count) = surface.triangles();
-        let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
         let [a, b, d] = triangles[0];
-        let (c, second) = if count == 2 { (triangles[1][0], normal(triangles[1])) } else { (a, DVec3::ZERO) };
+        let c = if count == 2 { triangles[1][0] } else { a };
         let bend = surface.vertices().iter().map(|&v| surface.distance(v).abs()).fold(0.0, f64::max);
         Facet {
             surface: *surface,
             slack: bend + 1e-9 * radius,
             corners: [a, b, c, d],
-            normals: [normal(triangles[0]), second],
+            is_triangle: count == 1,
         }
     }
 
@@ -75,32 +74,23 @@ impl Facet {
         a.min(b) > self.slack || a.max(b) < -self.slack
     }
 
-    /// [`super::brute_force::intersect_surface`], the products that the two triangles share
-    /// computed once: the same bits.
+    /// [`super::brute_force::intersect_surface`], what the two triangles share computed once: the
+    /// same bits.
     #[inline]
-    fn intersect(&self, ray: &Ray) -> Option<f64> {
-        let d = ray.direction;
-        let [a, b, c, e] = self.corners.map(|v| v - ray.origin);
-        let diagonal = d.dot(e.cross(b));
-        let first = same_sign(diagonal, d.dot(a.cross(e)), d.dot(b.cross(a)));
-        let second =
-            self.normals[1] != DVec3::ZERO && same_sign(-diagonal, d.dot(c.cross(b)), d.dot(e.cross(c)));
-        let reach = |hit: bool, normal: DVec3, corner: DVec3| {
-            let t = normal.dot(corner) / normal.dot(d);
-            (hit && t > ray.t_min && t < ray.t_max).then_some(t)
-        };
-        match (reach(first, self.normals[0], a), reach(second, self.normals[1], c)) {
+    fn intersect(&self, ray: &Ray, frame: &RayFrame) -> Option<f64> {
+        let [a, b, c, d] = self.corners.map(|v| frame.project(v));
+        let diagonal = edge(d, b);
+        let within = |t: &f64| *t > ray.t_min && *t < ray.t_max;
+        let first = crossing([diagonal, edge(a, d), edge(b, a)], [a.z, b.z, d.z]).filter(within);
+        if self.is_triangle {
+            return first;
+        }
+        let second = crossing([-diagonal, edge(c, b), edge(d, c)], [c.z, d.z, b.z]).filter(within);
+        match (first, second) {
             (Some(s), Some(t)) => Some(s.min(t)),
             (s, t) => s.or(t),
         }
     }
-}
-
-/// Whether none of the edge functions is against the others, and not all are zero.
-#[inline]
-fn same_sign(u: f64, v: f64, w: f64) -> bool {
-    let against = (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0);
-    !against && u + v + w != 0.0
 }
 
 impl VoxelTracer {
@@ -136,7 +126,7 @@ impl RayTracer for VoxelTracer {
 
     fn closest(&self, ray: &Ray) -> Option<Hit> {
         let walk = Walk::new(&self.voxels, ray)?;
-        let limits = walk.limits();
+        let (limits, frame) = (walk.limits(), RayFrame::new(ray));
         let mut mailbox = Mailbox::new();
         let mut best: Option<(f64, SurfaceId)> = None;
         for step in walk {
@@ -145,7 +135,7 @@ impl RayTracer for VoxelTracer {
                 if !mailbox.post(id) || facet.keeps_off(ray, limits) {
                     continue;
                 }
-                if let Some(t) = facet.intersect(ray) {
+                if let Some(t) = facet.intersect(ray, &frame) {
                     // Of surfaces met at once the first counts, in whatever order they are tried.
                     if best.is_none_or(|(s, other)| t < s || t == s && id < other) {
                         best = Some((t, id));
@@ -166,12 +156,15 @@ impl RayTracer for VoxelTracer {
     fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
         let ray = segment_ray(segment);
         let walk = Walk::new(&self.voxels, &ray)?;
-        let limits = walk.limits();
+        let (limits, frame) = (walk.limits(), RayFrame::new(&ray));
         let mut mailbox = Mailbox::new();
         for step in walk {
             for &id in self.voxels.surfaces_of(step.voxel) {
                 let facet = &self.facets[id.index()];
-                if mailbox.post(id) && !facet.keeps_off(&ray, limits) && facet.intersect(&ray).is_some() {
+                if mailbox.post(id)
+                    && !facet.keeps_off(&ray, limits)
+                    && facet.intersect(&ray, &frame).is_some()
+                {
                     return Some(id);
                 }
             }
