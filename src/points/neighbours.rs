@@ -8,8 +8,8 @@ use rayon::prelude::*;
 /// How many times an element may be divided for the sake of solid angles beyond what the area
 /// threshold asks for. Where two walls adjoin, neighbouring elements subtend as much from each other
 /// at every level (equal squares on a common edge: 1.4 sr), so no threshold would end the division;
-/// three levels (1/64 of the area) keep it to a rim that adds little to the number of points.
-pub const MAX_EXTRA_LEVELS: u8 = 3;
+/// two levels (1/16 of the area) keep it to a rim.
+pub const MAX_EXTRA_LEVELS: u8 = 2;
 
 /// An element with what the test of solid angles asks for.
 struct Station {
@@ -153,5 +153,65 @@ impl Grid {
                 self.members[first..end].iter().any(|&i| test(i as usize))
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Shape, SurfaceId};
+    use crate::points::divide_by_area;
+    use crate::scene::ObjectId;
+
+    /// A floor of 4 by 4 m, a wall beside it and a small two-sided pane above it.
+    pub(crate) fn scene(pane_height: f64) -> Geometry {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        let at = pane_height * z;
+        let shapes = vec![
+            (
+                Shape::Quad([-2.0 * (x + y), 2.0 * (x - y), 2.0 * (x + y), 2.0 * (y - x)]),
+                false,
+                0,
+                ObjectId(0),
+            ),
+            (
+                Shape::Quad([2.0 * (x - y), 2.0 * (x - y + z), 2.0 * (x + y + z), 2.0 * (x + y)]),
+                false,
+                1,
+                ObjectId(0),
+            ),
+            (Shape::Quad([at, at + 0.1 * y, at + 0.1 * (x + y), at + 0.1 * x]), true, 2, ObjectId(0)),
+        ];
+        Geometry::new(shapes, vec!["all".into()])
+    }
+
+    #[test]
+    fn the_grid_finds_what_a_search_of_all_pairs_finds() {
+        let geometry = scene(0.3);
+        let sampling = Sampling::by_area(0.1);
+        let elements = divide_by_area(&geometry, &sampling);
+        let near = Neighbourhood::new(&geometry, &sampling, &elements);
+        for threshold in [0.003, 0.05, 0.3, 1.0] {
+            let found = near.too_large(threshold, |_, _| true);
+            for (j, &large) in found.iter().enumerate() {
+                assert_eq!(large, (0..elements.len()).any(|i| i != j && near.subtends(j, i, threshold)));
+            }
+            assert_eq!(found.contains(&true), threshold < 1.0 || found[0]);
+            assert!(near.too_large(threshold, |_, _| false).iter().all(|large| !large));
+        }
+    }
+
+    #[test]
+    fn solid_angles_are_seen_from_the_front_and_from_both_sides_of_a_pane() {
+        let geometry = scene(0.3);
+        let elements: Vec<Element> = (0..3).map(|s| (SurfaceId(s), crate::points::Cell::ROOT)).collect();
+        let near = Neighbourhood::new(&geometry, &Sampling::by_area(100.0), &elements);
+        // The floor from the pane: A cos / r^2 with r along (0.05, 0.05, 0.3).
+        let r2 = 2.0 * 0.05f64.powi(2) + 0.09;
+        let expected = 16.0 * 0.3 / r2.powf(1.5);
+        assert!(near.subtends(0, 2, 0.999 * expected) && !near.subtends(0, 2, 1.001 * expected));
+        assert!(near.subtends(2, 0, 0.01), "the pane has a face on either side");
+        let below = Neighbourhood::new(&scene(-0.3), &Sampling::by_area(100.0), &elements);
+        assert!(!below.subtends(0, 2, 1e-6), "the floor's back has no points");
     }
 }

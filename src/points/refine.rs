@@ -143,3 +143,93 @@ impl SamplePoints {
         (self.twin[i] != super::NO_POINT).then_some(self.twin[i] as usize)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use crate::points::MAX_EXTRA_LEVELS;
+    use crate::scene::ObjectId;
+    use crate::voxels::VoxelSettings;
+    use glam::DVec3;
+
+    /// Two squares of a metre, face to face, `gap` apart.
+    fn facing_squares(gap: f64) -> (Geometry, Voxels) {
+        let (x, y, z) = (DVec3::X, DVec3::Y, gap * DVec3::Z);
+        let low = Shape::Quad([DVec3::ZERO, x, x + y, y]);
+        let high = Shape::Quad([z, z + y, z + x + y, z + x]);
+        let shapes = vec![(low, false, 0, ObjectId(0)), (high, true, 1, ObjectId(0))];
+        let geometry = Geometry::new(shapes, vec!["squares".into()]);
+        let voxels = Voxels::build(&geometry, &VoxelSettings::default());
+        (geometry, voxels)
+    }
+
+    /// The largest A cos / r^2 of any element from one on the other square.
+    fn largest(points: &SamplePoints, gap: f64) -> f64 {
+        let pairs = (0..points.len()).flat_map(|i| (0..points.len()).map(move |j| (i, j)));
+        pairs
+            .filter(|&(i, j)| points.surface[i] != points.surface[j])
+            .map(|(i, j)| {
+                let r = f64::from(points.position[i].distance(points.position[j]));
+                f64::from(points.area[j]) * gap / r.powi(3)
+            })
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn division_ends_below_the_threshold_and_no_sooner_than_needed() {
+        let (geometry, voxels) = facing_squares(0.5);
+        let mut sampling = Sampling::by_area(0.3);
+        let coarse = sample(&geometry, &sampling, &voxels).unwrap();
+        assert!(largest(&coarse, 0.5) > 0.9);
+        sampling.max_solid_angle = Some(0.3);
+        let fine = sample(&geometry, &sampling, &voxels).unwrap();
+        assert!(largest(&fine, 0.5) <= 0.3);
+        assert_eq!(fine.len(), 4 * coarse.len(), "1/16 m2 at 0.5 m is 0.25 sr: one division does");
+        let total: f64 = fine.area.iter().map(|&a| f64::from(a)).sum();
+        assert!((total - 3.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn refinement_follows_sight_and_ends() {
+        let (geometry, voxels) = facing_squares(0.05);
+        let mut sampling = Sampling::by_area(0.3);
+        let mut points = sample(&geometry, &sampling, &voxels).unwrap();
+        assert_eq!(refine(&geometry, &sampling, &points, |_, _| true).unwrap(), None);
+        sampling.refine_solid_angle = Some(0.1);
+        assert_eq!(refine(&geometry, &sampling, &points, |_, _| false).unwrap(), None);
+        // One pair that sees each other: its two elements, and no others, are divided.
+        let i = (0..points.len()).find(|&i| points.surface[i].0 == 0).unwrap();
+        let j = (0..points.len())
+            .filter(|&j| points.surface[j].0 == 1 && points.side[j] == Side::Front)
+            .min_by(|&a, &b| {
+                let d = |j: usize| points.position[i].distance(points.position[j]);
+                d(a).total_cmp(&d(b))
+            })
+            .unwrap();
+        let only = |a: usize, b: usize| (a, b) == (i, j) || (a, b) == (j, i);
+        let divided = refine(&geometry, &sampling, &points, only).unwrap().unwrap();
+        assert_eq!(divided.len(), 8 + 2 * 3);
+        let mut rounds = 0;
+        while let Some(elements) = refine(&geometry, &sampling, &points, |_, _| true).unwrap() {
+            points = SamplePoints::new(&geometry, &elements, voxels.len(), |p| voxels.locate(p));
+            rounds += 1;
+        }
+        assert_eq!(rounds, MAX_EXTRA_LEVELS);
+        assert!(points.cell.iter().all(|c| c.level == 1 + MAX_EXTRA_LEVELS));
+    }
+
+    #[test]
+    fn what_cannot_be_sampled_is_refused() {
+        let (geometry, voxels) = facing_squares(1.0);
+        for area in [0.0, -1.0, f64::NAN, 1e-9, 2e-6] {
+            let sampling = Sampling::by_area(area);
+            let error = sample(&geometry, &sampling, &voxels).expect_err("no such sampling");
+            assert!(error.is_input() && error.to_string().contains("max_area"), "{error}");
+        }
+        let sampling = Sampling { max_solid_angle: Some(f64::NAN), ..Sampling::by_area(0.1) };
+        assert!(sample(&geometry, &sampling, &voxels).is_err());
+        let shallow = Sampling { max_level: 2, ..Sampling::by_area(1e-12) };
+        assert_eq!(sample(&geometry, &shallow, &voxels).unwrap().len(), 3 * 16);
+    }
+}

@@ -109,8 +109,8 @@ impl VoxelTracer {
 
     /// Settings for `surfaces` surfaces.
     fn settings(surfaces: usize) -> VoxelSettings {
-        let level = 3 + surfaces.max(1).ilog2() as u8;
-        VoxelSettings { max_objects: 4, max_level: level.min(MAX_LEVEL) }
+        let level = 4 + surfaces.max(1).ilog2() as u8;
+        VoxelSettings { max_objects: 3, max_level: level.min(MAX_LEVEL) }
     }
 
     /// The voxels it steps through.
