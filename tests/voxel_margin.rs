@@ -25,7 +25,7 @@ fn nothing_blocks_in_an_empty_room_however_it_is_turned() {
             .collect();
         let geometry = furnished_room::geometry(&quads);
         let voxels = Voxels::build(&geometry, &VoxelSettings::default());
-        let points = sample(&geometry, &Sampling::by_area(0.2 * size * size), &voxels).unwrap();
+        let points = sample(&geometry, &Sampling::by_area(0.4 * size * size), &voxels).unwrap();
         let (voxel, brute) = (VoxelTracer::new(&geometry), BruteForce::new(&geometry));
         let above = |i: usize, j: usize| {
             geometry.surface(points.surface[i]).distance(points.position[j].as_dvec3())

@@ -101,5 +101,5 @@ fn memory_is_bounded_whatever_the_settings() {
     let geometry = furnished_room::geometry(&quads);
     let voxels = Voxels::build(&geometry, &VoxelSettings { max_objects: 0, max_level: u8::MAX });
     let entries: usize = (0..voxels.len()).map(|v| voxels.surfaces_of(v).len()).sum();
-    assert!(entries < 1 << 25, "{entries}");
+    assert!(entries < 1 << 23, "{entries}");
 }

@@ -9,7 +9,7 @@ use glam::DVec3;
 /// Halving stops when the lists of surfaces of all voxels together would be longer than this, or
 /// than [`ENTRIES_PER_SURFACE`] for each surface if that is more: large surfaces that overlap meet
 /// more voxels at each level, and no depth would thin them out.
-const MAX_ENTRIES: usize = 1 << 23;
+const MAX_ENTRIES: usize = 1 << 21;
 
 /// See [`MAX_ENTRIES`].
 const ENTRIES_PER_SURFACE: usize = 32;
