@@ -15,13 +15,16 @@ use glam::DVec3;
 #[derive(Clone, Debug)]
 pub struct VoxelTracer {
     voxels: Voxels,
+    surfaces: Vec<Surface>,
     facets: Vec<Facet>,
 }
 
-/// A surface made ready to be hit.
+/// A surface made ready to be hit, no larger than the inner loop needs.
 #[derive(Clone, Debug)]
 struct Facet {
-    surface: Surface,
+    /// The mean plane, as in [`Surface`].
+    normal: DVec3,
+    offset: f64,
     /// All of the surface lies this close to its mean plane, rounding included, m.
     slack: f64,
     /// Corners as in [`Surface::triangles`]: v0 v1 v3 and v2 v3 v1. A triangle v0 v1 v2 is
@@ -58,7 +61,8 @@ impl Facet {
         let c = if count == 2 { triangles[1][0] } else { a };
         let bend = surface.vertices().iter().map(|&v| surface.distance(v).abs()).fold(0.0, f64::max);
         Facet {
-            surface: *surface,
+            normal: surface.normal,
+            offset: surface.offset,
             slack: bend + 1e-9 * radius,
             corners: [a, b, c, d],
             is_triangle: count == 1,
@@ -68,8 +72,8 @@ impl Facet {
     /// Whether the part of the ray between the parameters keeps to one side of the surface.
     #[inline]
     fn keeps_off(&self, ray: &Ray, (t0, t1): (f64, f64)) -> bool {
-        let start = self.surface.distance(ray.origin);
-        let slope = self.surface.normal.dot(ray.direction);
+        let start = self.normal.dot(ray.origin) - self.offset;
+        let slope = self.normal.dot(ray.direction);
         let (a, b) = (start + t0 * slope, start + t1 * slope);
         a.min(b) > self.slack || a.max(b) < -self.slack
     }
@@ -103,13 +107,14 @@ impl VoxelTracer {
     pub fn with_settings(geometry: &Geometry, settings: &VoxelSettings) -> Self {
         VoxelTracer {
             voxels: Voxels::build(geometry, settings),
+            surfaces: geometry.surfaces.clone(),
             facets: geometry.surfaces.iter().map(|s| Facet::new(s, geometry.radius)).collect(),
         }
     }
 
     /// Settings for `surfaces` surfaces.
     fn settings(surfaces: usize) -> VoxelSettings {
-        let level = 4 + surfaces.max(1).ilog2() as u8;
+        let level = 5 + surfaces.max(1).ilog2() as u8;
         VoxelSettings { max_objects: 3, max_level: level.min(MAX_LEVEL) }
     }
 
@@ -148,7 +153,7 @@ impl RayTracer for VoxelTracer {
             }
         }
         best.map(|(t, surface)| {
-            let side = side_met(&self.facets[surface.index()].surface, ray.direction);
+            let side = side_met(&self.surfaces[surface.index()], ray.direction);
             Hit { surface, t, side }
         })
     }
