@@ -53,7 +53,8 @@ impl Segment {
     pub fn margin(&self) -> f32 {
         let largest = self.from.abs().max(self.to.abs()).max_element();
         let length = (self.to - self.from).length();
-        // Not `clamp`: a segment of no length at the origin would give NaN.
-        (32.0 * f32::EPSILON * largest / length).max(1e-6).min(1e-2)
+        let fraction = 32.0 * f32::EPSILON * largest / length;
+        // A segment of no length at the origin has no fraction at all.
+        if fraction.is_nan() { 1e-2 } else { fraction.clamp(1e-6, 1e-2) }
     }
 }
