@@ -2,9 +2,13 @@
 //! the area of its element stands at the centre of each.
 
 mod cell;
+mod neighbours;
+mod refine;
 mod subdivide;
 
 pub use cell::Cell;
+pub use neighbours::MAX_EXTRA_LEVELS;
+pub use refine::{MAX_POINTS, refine, sample};
 pub use subdivide::{Element, divide_by_area, element_area};
 
 use crate::geometry::{Side, SurfaceId};
@@ -37,7 +41,8 @@ pub const NO_POINT: u32 = u32::MAX;
 /// All sample points, structure of arrays, sorted by voxel, then surface, side and cell.
 #[derive(Clone, Debug, Default)]
 pub struct SamplePoints {
-    /// P_i, relative to the scene's centre, m.
+    /// P_i, relative to the scene's centre, m. Never behind its own surface: where rounding would put
+    /// it there it is lifted off by a unit in the last place.
     pub position: Vec<Vec3>,
     /// Unit normal on the point's own side.
     pub normal: Vec<Vec3>,
@@ -50,7 +55,7 @@ pub struct SamplePoints {
     pub surface: Vec<SurfaceId>,
     /// The side of the surface it lies on.
     pub side: Vec<Side>,
-    /// The point at the same place on the other side, or [`NO_POINT`].
+    /// The point at the same place (but for that lift) on the other side, or [`NO_POINT`].
     pub twin: Vec<u32>,
     /// The element, as a cell of the surface's quadtree.
     pub cell: Vec<Cell>,

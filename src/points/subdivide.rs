@@ -1,9 +1,9 @@
 //! Dividing surfaces into elements, and elements into sample points.
 
 use super::{Cell, NO_POINT, SamplePoints, Sampling};
-use crate::geometry::{Side, SurfaceId};
+use crate::geometry::{Side, Surface, SurfaceId};
 use crate::scene::Geometry;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// An element: a cell of a surface.
 pub type Element = (SurfaceId, Cell);
@@ -32,6 +32,24 @@ pub fn element_area(geometry: &Geometry, (id, cell): Element) -> f64 {
     0.5 * (c[2] - c[0]).cross(c[3] - c[1]).length()
 }
 
+/// `p` on the `f32` lattice, and not behind the surface as seen from `side`: rounding (and the fold
+/// of a quadrilateral that is not quite planar) may put a point beyond its own surface, which would
+/// then block all segments that leave the point at a flat angle, however they are shortened.
+fn place_on_side(surface: &Surface, p: DVec3, side: Side) -> Vec3 {
+    let sign = if side == Side::Front { 1.0 } else { -1.0 };
+    let rounded = p.as_vec3();
+    let (triangles, count) = surface.triangles();
+    let depth = triangles[..count]
+        .iter()
+        .map(|[a, b, c]| -sign * (*b - *a).cross(*c - *a).normalize_or_zero().dot(rounded.as_dvec3() - *a))
+        .fold(0.0, f64::max);
+    if depth == 0.0 {
+        return rounded;
+    }
+    let rounding = f64::from(f32::EPSILON) * p.abs().max_element();
+    (p + sign * (depth + rounding) * surface.normal).as_vec3()
+}
+
 impl SamplePoints {
     /// One point at the centre of each element, two where the surface is two-sided, sorted by
     /// voxel. `voxel_of` gives the voxel, below `voxels`, of a place in local coordinates.
@@ -45,28 +63,23 @@ impl SamplePoints {
             voxel: usize,
             element: Element,
             side: Side,
-            position: DVec3,
+            position: Vec3,
         }
         let mut drafts = Vec::with_capacity(elements.len());
         for &(id, cell) in elements {
             let surface = geometry.surface(id);
             let uv = cell.centre_uv(&surface.shape);
-            // The voxel is that of the point as stored, on the f32 lattice.
-            let position = surface.point_at(uv.x, uv.y).as_vec3().as_dvec3();
-            let voxel = voxel_of(position);
+            let centre = surface.point_at(uv.x, uv.y);
+            let position = place_on_side(surface, centre, Side::Front);
+            // The voxel is that of the front point as stored, for both: twins stay together.
+            let voxel = voxel_of(position.as_dvec3());
             drafts.push(Draft { voxel, element: (id, cell), side: Side::Front, position });
             if geometry.two_sided[id.index()] {
+                let position = place_on_side(surface, centre, Side::Back);
                 drafts.push(Draft { voxel, element: (id, cell), side: Side::Back, position });
             }
         }
-        drafts.sort_by_key(|d| {
-            (
-                d.voxel,
-                d.element.0,
-                d.side,
-                d.element.1.path << (32 - 2 * u32::from(d.element.1.level)).min(31),
-            )
-        });
+        drafts.sort_by_key(|d| (d.voxel, d.element.0, d.side, d.element.1.place()));
 
         let mut points = SamplePoints { voxel_starts: vec![0; voxels + 1], ..Default::default() };
         let mut front = std::collections::HashMap::new();
@@ -91,7 +104,7 @@ impl SamplePoints {
                     }
                 }
             }
-            points.position.push(draft.position.as_vec3());
+            points.position.push(draft.position);
             points.normal.push(normal);
             points.area.push(element_area(geometry, draft.element) as f32);
             points.corners.push(corners);

@@ -1,5 +1,6 @@
 //! Every surface against every ray in `f64`: slow, simple, the baseline of the others' tests.
 
+use super::edges::{RayFrame, crossing, edge};
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Side, Surface, SurfaceId};
 use crate::scene::Geometry;
@@ -17,28 +18,25 @@ impl<'a> BruteForce<'a> {
     }
 }
 
-/// The ray parameter at which `ray` crosses the triangle, edges included
-/// (signed volumes: neighbours that share an edge decide alike, so nothing leaks between them).
+/// The ray parameter at which `ray` crosses the triangle, edges included: see [`super::edges`].
 pub fn intersect_triangle(ray: &Ray, triangle: &[DVec3; 3]) -> Option<f64> {
-    let [a, b, c] = triangle.map(|v| v - ray.origin);
-    let d = ray.direction;
-    let (u, v, w) = (d.dot(c.cross(b)), d.dot(a.cross(c)), d.dot(b.cross(a)));
-    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-        return None;
-    }
-    let det = u + v + w;
-    if det == 0.0 {
-        return None;
-    }
-    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
-    let t = normal.dot(a) / normal.dot(d);
+    cross_triangle(ray, &RayFrame::new(ray), triangle)
+}
+
+fn cross_triangle(ray: &Ray, frame: &RayFrame, triangle: &[DVec3; 3]) -> Option<f64> {
+    let [a, b, c] = triangle.map(|v| frame.project(v));
+    let t = crossing([edge(c, b), edge(a, c), edge(b, a)], [a.z, b.z, c.z])?;
     (t > ray.t_min && t < ray.t_max).then_some(t)
 }
 
 /// The nearest crossing of a surface within the ray's limits.
 pub fn intersect_surface(ray: &Ray, surface: &Surface) -> Option<f64> {
+    cross_surface(ray, &RayFrame::new(ray), surface)
+}
+
+fn cross_surface(ray: &Ray, frame: &RayFrame, surface: &Surface) -> Option<f64> {
     let (triangles, count) = surface.triangles();
-    triangles[..count].iter().filter_map(|t| intersect_triangle(ray, t)).min_by(f64::total_cmp)
+    triangles[..count].iter().filter_map(|t| cross_triangle(ray, frame, t)).min_by(f64::total_cmp)
 }
 
 /// The side of `surface` that a ray along `direction` meets.
@@ -60,9 +58,10 @@ impl RayTracer for BruteForce<'_> {
 
     fn closest(&self, ray: &Ray) -> Option<Hit> {
         let mut limited = *ray;
+        let frame = RayFrame::new(ray);
         let mut best = None;
         for (i, surface) in self.surfaces.iter().enumerate() {
-            if let Some(t) = intersect_surface(&limited, surface) {
+            if let Some(t) = cross_surface(&limited, &frame, surface) {
                 limited.t_max = t;
                 let side = side_met(surface, ray.direction);
                 best = Some(Hit { surface: SurfaceId(i as u32), t, side });
@@ -73,7 +72,8 @@ impl RayTracer for BruteForce<'_> {
 
     fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
         let ray = segment_ray(segment);
-        let blocks = |s: &Surface| intersect_surface(&ray, s).is_some();
+        let frame = RayFrame::new(&ray);
+        let blocks = |s: &Surface| cross_surface(&ray, &frame, s).is_some();
         self.surfaces.iter().position(blocks).map(|i| SurfaceId(i as u32))
     }
 }

@@ -4,6 +4,8 @@
 //! and must agree but for rays that graze an edge within rounding.
 
 pub mod brute_force;
+pub mod edges;
+pub mod voxel;
 
 use crate::geometry::{Hit, Ray, SurfaceId};
 use glam::Vec3;
@@ -51,6 +53,8 @@ impl Segment {
     pub fn margin(&self) -> f32 {
         let largest = self.from.abs().max(self.to.abs()).max_element();
         let length = (self.to - self.from).length();
-        (32.0 * f32::EPSILON * largest / length).clamp(1e-6, 1e-2)
+        let fraction = 32.0 * f32::EPSILON * largest / length;
+        // A segment of no length at the origin has no fraction at all.
+        if fraction.is_nan() { 1e-2 } else { fraction.clamp(1e-6, 1e-2) }
     }
 }

@@ -1,0 +1,67 @@
+//! Whether a triangle meets a box, by separating axes.
+
+use glam::DVec3;
+
+/// Whether `triangle` meets the box of centre `centre` and half edges `half`, touching included.
+/// Of the 13 axes that can separate them (box faces, triangle plane, edge by edge) none may. A
+/// degenerate axis separates nothing, so errors are on the side of meeting.
+pub(super) fn triangle_meets_box(triangle: &[DVec3; 3], centre: DVec3, half: DVec3) -> bool {
+    let v = triangle.map(|p| p - centre);
+    let apart = |axis: DVec3| {
+        let reach = half.dot(axis.abs());
+        let along = v.map(|p| p.dot(axis));
+        along[0].min(along[1]).min(along[2]) > reach || along[0].max(along[1]).max(along[2]) < -reach
+    };
+    if DVec3::AXES.into_iter().any(apart) {
+        return false;
+    }
+    let edges = [v[1] - v[0], v[2] - v[1], v[0] - v[2]];
+    !apart(edges[0].cross(edges[1]))
+        && !edges.iter().any(|e| DVec3::AXES.into_iter().any(|axis| apart(axis.cross(*e))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_of_axis_separates() {
+        let half = DVec3::ONE;
+        let meets = |t: [[f64; 3]; 3]| triangle_meets_box(&t.map(DVec3::from), DVec3::ZERO, half);
+        assert!(meets([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]), "a corner inside");
+        assert!(meets([[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]]), "all corners outside");
+        assert!(meets([[1.0, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 5.0, 0.0]]), "touching a face");
+        assert!(!meets([[1.1, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 5.0, 0.0]]), "beyond a face");
+        let plane = |d: f64| [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]];
+        assert!(meets(plane(2.9)) && !meets(plane(3.1)), "the triangle's plane");
+        // Past the box's vertical edge at (1, 1): the axis is z x edge. The boxes overlap.
+        let wall = |d: f64| [[d, 0.0, -5.0], [0.0, d, -5.0], [0.5 * d, 0.5 * d, 5.0]];
+        assert!(meets(wall(1.9)) && !meets(wall(2.1)), "an edge by an edge");
+    }
+
+    #[test]
+    fn agrees_with_sampling_the_triangle() {
+        let mut state = 1u64;
+        let mut next = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 * 6.0 - 3.0
+        };
+        let mut met = 0;
+        for _ in 0..2000 {
+            let t = [0; 3].map(|_| DVec3::new(next(), next(), next()));
+            let sampled = (0..=40).any(|i| {
+                (0..=40 - i).any(|j| {
+                    let (u, v) = (f64::from(i) / 40.0, f64::from(j) / 40.0);
+                    ((1.0 - u - v) * t[0] + u * t[1] + v * t[2]).abs().max_element() < 1.0
+                })
+            });
+            let meets = triangle_meets_box(&t, DVec3::ZERO, DVec3::ONE);
+            assert!(meets || !sampled, "{t:?}");
+            // A triangle this big that comes 0.2 inside is not missed by the sampling.
+            let deep = triangle_meets_box(&t, DVec3::ZERO, DVec3::splat(0.8));
+            assert!(sampled || !deep, "{t:?}");
+            met += usize::from(meets);
+        }
+        assert!(met > 500 && met < 1900);
+    }
+}
