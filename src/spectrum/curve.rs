@@ -102,7 +102,9 @@ impl Spectrum {
             Spectrum::Tabulated { nm: knots, .. } => {
                 let from = knots.partition_point(|&k| k < nm - 0.5);
                 knots[from..].windows(2).take_while(|w| w[0] <= nm + 0.5).any(|w| w[1] - w[0] < 1.0)
-                    || from.checked_sub(1).is_some_and(|i| i + 1 < knots.len() && knots[i + 1] - knots[i] < 1.0)
+                    || from
+                        .checked_sub(1)
+                        .is_some_and(|i| i + 1 < knots.len() && knots[i + 1] - knots[i] < 1.0)
             }
         };
         if fine { self.mean(nm - 0.5, nm + 0.5) } else { self.at(nm) }
@@ -130,7 +132,9 @@ mod tests {
     #[test]
     fn is_linear_between_samples_and_constant_beyond() {
         let s = Spectrum::tabulated(vec![400.0, 500.0, 520.0], vec![1.0, 3.0, 0.0]).unwrap();
-        for (nm, expected) in [(300.0, 1.0), (400.0, 1.0), (450.0, 2.0), (500.0, 3.0), (510.0, 1.5), (900.0, 0.0)] {
+        for (nm, expected) in
+            [(300.0, 1.0), (400.0, 1.0), (450.0, 2.0), (500.0, 3.0), (510.0, 1.5), (900.0, 0.0)]
+        {
             assert!((s.at(nm) - expected).abs() < 1e-12, "{nm}");
         }
         assert_eq!((s.min(), s.max(), s.range()), (0.0, 3.0, Some([400.0, 520.0])));

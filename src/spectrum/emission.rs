@@ -58,7 +58,11 @@ mod tests {
                 let found = wavelengths.xyz(&samples);
                 assert!(samples.iter().all(|s| *s >= 0.0));
                 for c in 0..3 {
-                    assert!((found[c] / exact[c] - 1.0).abs() < 1e-8, "{name} {} {found:?}", wavelengths.len());
+                    assert!(
+                        (found[c] / exact[c] - 1.0).abs() < 1e-8,
+                        "{name} {} {found:?}",
+                        wavelengths.len()
+                    );
                 }
             }
         }
@@ -67,8 +71,8 @@ mod tests {
     #[test]
     fn luminance_survives_even_where_the_samples_miss_a_line() {
         for line_nm in [400.0, 456.4, 490.0, 510.0, 589.3, 631.4, 700.0] {
-            let line =
-                Spectrum::tabulated(vec![line_nm - 1.0, line_nm, line_nm + 1.0], vec![0.0, 1.0, 0.0]).unwrap();
+            let line = Spectrum::tabulated(vec![line_nm - 1.0, line_nm, line_nm + 1.0], vec![0.0, 1.0, 0.0])
+                .unwrap();
             for wavelengths in counts() {
                 let samples = wavelengths.sample_emission(&line);
                 let y = wavelengths.xyz(&samples)[1];

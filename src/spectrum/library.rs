@@ -132,6 +132,8 @@ mod tests {
         assert_eq!(illuminant("led_b3"), illuminant("LED-B3"));
         assert!((refractive_index("bk7").unwrap().0.at(587.56) - 1.5168).abs() < 1e-4);
         assert!((refractive_index("water").unwrap().0.at(589.3) - 1.333).abs() < 1.5e-3);
-        assert!(illuminant("D75").is_none() && refractive_index("").is_none() && reflectance("D65").is_none());
+        assert!(
+            illuminant("D75").is_none() && refractive_index("").is_none() && reflectance("D65").is_none()
+        );
     }
 }

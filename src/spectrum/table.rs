@@ -9,7 +9,8 @@ pub(super) fn columns(csv: &str) -> Vec<(&str, Spectrum)> {
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|x| x.parse().unwrap_or(f64::NAN)).collect()).collect();
-    let column = |i: usize| rows.iter().map(|row| row.get(i).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>();
+    let column =
+        |i: usize| rows.iter().map(|row| row.get(i).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>();
     (1..header.len())
         .map(|i| {
             let spectrum = Spectrum::tabulated(column(0), column(i));

@@ -122,7 +122,9 @@ mod tests {
     #[test]
     fn a_constant_spectrum_has_exact_xyz_at_any_count() {
         let exact = xyz_of(&Spectrum::Constant(1.0));
-        let all = [Wavelengths::meyer4()].into_iter().chain([1, 2, 4, 7, 16, 81, 256].map(|n| Wavelengths::bands(n).unwrap()));
+        let all = [Wavelengths::meyer4()]
+            .into_iter()
+            .chain([1, 2, 4, 7, 16, 81, 256].map(|n| Wavelengths::bands(n).unwrap()));
         for wavelengths in all {
             let xyz = wavelengths.xyz(&vec![1.0_f32; wavelengths.len()]);
             for c in 0..3 {
@@ -145,7 +147,9 @@ mod tests {
     #[test]
     fn averages_agree_with_means_for_linear_functions() {
         let ramp = Spectrum::tabulated(vec![380.0, 780.0], vec![0.0, 1.0]).unwrap();
-        for wavelengths in [Wavelengths::meyer4(), Wavelengths::bands(4).unwrap(), Wavelengths::bands(100).unwrap()] {
+        for wavelengths in
+            [Wavelengths::meyer4(), Wavelengths::bands(4).unwrap(), Wavelengths::bands(100).unwrap()]
+        {
             for (i, mean) in wavelengths.sample(&ramp).into_iter().enumerate() {
                 assert!((wavelengths.average(i, |nm| ramp.at(nm)) - mean).abs() < 1e-12);
             }
