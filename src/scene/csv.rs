@@ -2,13 +2,11 @@
 
 use super::source::Source;
 use super::suggest;
-use crate::error::Result;
 
 /// Wavelengths, nm, and the values of one column.
 pub type Column = (Vec<f64>, Vec<f64>);
 
-/// The column named `wanted`, or the only one there is. `Err(Ok(message))` speaks about the
-/// choice of the column, `Err(Err(error))` about a place in the file.
+/// The column named `wanted`, or the only one there is.
 pub fn column(source: &Source, wanted: Option<&str>) -> std::result::Result<Column, ColumnError> {
     let mut lines = source.text.split_inclusive('\n').scan(0, |offset, line| {
         let start = *offset;
@@ -61,13 +59,4 @@ fn number(
             Err(wrong(start + inside, format!("\"{text}\" is not a finite number")))
         }
     }
-}
-
-/// Like [`column`] for files that ship with the program.
-pub fn built_in(text: &str, name: &str) -> Result<Column> {
-    let source = Source { path: name.into(), text: text.to_owned() };
-    column(&source, Some(name)).map_err(|e| match e {
-        ColumnError::Choice(message) => source.error(0, message),
-        ColumnError::File(error) => error,
-    })
 }

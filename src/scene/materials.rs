@@ -3,13 +3,12 @@
 use super::description::{
     EmissionTable, FresnelRef, MaterialTable, Name, PaneTable, SolidTable, SpectrumRef,
 };
-use super::library;
 use super::source::Sources;
 use super::spectra::{Spectra, Use, map, range};
 use super::suggest;
 use crate::error::{Error, Result};
 use crate::material::{Body, Emission, Fresnel, Level, Material};
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Spectrum, library};
 use toml::Spanned;
 
 /// The sodium D lines, at which the first method of the paper's appendix takes its index, nm.
@@ -149,7 +148,7 @@ impl Materials<'_> {
 
     /// A number where the first method needs the index at 589 nm alone.
     fn constant(&self, at: &Spanned<SpectrumRef>, as_what: Use) -> Result<f64> {
-        Ok(library::at(&self.spectra.get(at, as_what)?, SODIUM_D_NM))
+        Ok(self.spectra.get(at, as_what)?.at(SODIUM_D_NM))
     }
 
     fn pane(&self, table: &PaneTable) -> Result<Body> {
@@ -217,7 +216,7 @@ impl Materials<'_> {
         if !(0.0..=1e15).contains(value.get_ref()) {
             return Err(self.error(value, "the amount of light lies in 0 to 1e15"));
         }
-        let visible = (380..=780).any(|nm| library::at(&spectrum, f64::from(nm)) > 0.0);
+        let visible = (380..=780).any(|nm| spectrum.at(f64::from(nm)) > 0.0);
         if !visible && *value.get_ref() > 0.0 {
             let message = "this spectrum has no power between 380 and 780 nm";
             return Err(self.sources.error(place.start, message));
@@ -235,7 +234,7 @@ fn perfectly_diffuse(reflectance: Spectrum, m: f64) -> Body {
 /// The real index that has this reflectance at normal incidence at 589 nm (Cook and Torrance
 /// 1982, section 4): n = (1 + sqrt F) / (1 - sqrt F). F is kept below 0.98, n below 200.
 fn index_from_reflectance(normal: &Spectrum) -> f64 {
-    let root = library::at(normal, SODIUM_D_NM).clamp(0.0, 0.98).sqrt();
+    let root = normal.at(SODIUM_D_NM).clamp(0.0, 0.98).sqrt();
     // An index of exactly 1 would make the first method divide nothing by nothing.
     ((1.0 + root) / (1.0 - root)).max(1.0001)
 }

@@ -4,7 +4,6 @@ mod camera;
 mod compile;
 mod csv;
 mod description;
-mod library;
 mod load;
 mod materials;
 mod obj;

@@ -2,11 +2,10 @@
 
 use super::csv::{self, ColumnError};
 use super::description::{Name, SpectrumRef, SpectrumTable};
-use super::library;
 use super::source::{MAX_CSV_BYTES, Source, Sources};
 use super::suggest;
 use crate::error::Result;
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Spectrum, library};
 use std::collections::BTreeMap;
 use toml::Spanned;
 
@@ -66,12 +65,11 @@ impl<'a> Spectra<'a> {
 
     /// n and k by a number, the name of a spectrum (n alone) or a built-in name.
     pub fn index(&self, reference: &Spanned<SpectrumRef>) -> Result<(Spectrum, Spectrum)> {
-        if let SpectrumRef::Named(name) = reference.get_ref() {
-            if let Some(both) = library::refractive_index(name)
-                && !self.own.contains_key(name.as_str())
-            {
-                return Ok(both);
-            }
+        if let SpectrumRef::Named(name) = reference.get_ref()
+            && !self.own.contains_key(name.as_str())
+            && let Some(both) = library::refractive_index(name)
+        {
+            return Ok(both);
         }
         Ok((self.get(reference, Use::IndexN)?, Spectrum::Constant(0.0)))
     }
@@ -125,7 +123,7 @@ fn tabulate(sources: &Sources, name: &Name, table: &SpectrumTable) -> Result<Spe
         return Err(sources.error(place, "wavelengths are positive, in nm"));
     }
     values.iter_mut().for_each(|v| *v *= scale);
-    library::tabulated(nm, values).map_err(|message| sources.error(place, message))
+    Spectrum::tabulated(nm, values).map_err(|message| sources.error(place, message))
 }
 
 fn read_file(sources: &Sources, file: &Name, column: Option<&Name>) -> Result<csv::Column> {

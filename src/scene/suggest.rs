@@ -8,7 +8,7 @@ pub fn nearest<'a>(given: &str, candidates: impl IntoIterator<Item = &'a str>) -
 }
 
 /// "unknown WHAT `given`; did you mean `x`? There are: a, b, c".
-pub fn unknown<'a>(what: &str, given: &str, candidates: &[&'a str]) -> String {
+pub fn unknown(what: &str, given: &str, candidates: &[&str]) -> String {
     let meant = nearest(given, candidates.iter().copied());
     let meant = meant.map_or(String::new(), |m| format!("; did you mean \"{m}\"?"));
     let list = match candidates {

@@ -67,7 +67,9 @@ pub fn shape(
         return Err(description.sources.error(0, message));
     }
     let mut geometry = Geometry::new(shapes, parts.iter().map(|p| p.name.clone()).collect());
-    if let Some(i) = geometry.surfaces.iter().position(|s| !(s.area > 0.0) || s.normal == DVec3::ZERO) {
+    if let Some(i) =
+        geometry.surfaces.iter().position(|s| s.area <= 0.0 || !s.area.is_finite() || s.normal == DVec3::ZERO)
+    {
         let message = "this surface is too small next to the size of the scene";
         return Err(places[i].error(description, message));
     }
