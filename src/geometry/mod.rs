@@ -1,9 +1,11 @@
 //! Shapes and rays, in `f64` and in coordinates relative to the scene's centre.
 
 mod aabb;
+mod convexity;
 mod surface;
 
 pub use aabb::Aabb;
+pub use convexity::{CONVEXITY_TOLERANCE, QuadKind, classify_quad, is_triangle};
 pub use surface::{PLANARITY_TOLERANCE, Shape, Surface};
 
 use glam::DVec3;

@@ -1,5 +1,16 @@
 //! Materials: what a surface does with light, as functions of wavelength and as sampled for a run.
 
+mod albedo;
+pub mod fresnel;
+pub mod glass;
+pub mod microfacet;
+mod sampled;
+mod table;
+
+pub use albedo::{AlbedoTable, directional_albedo};
+pub use sampled::{SampledMaterial, Transmission};
+pub use table::{DEFAULT_ENTRIES, FresnelTable, PAPER_ENTRIES, TableError, table_error};
+
 use crate::spectrum::Spectrum;
 
 /// A material of the scene, with spectra as functions of wavelength.
@@ -82,86 +93,4 @@ pub enum Level {
     Luminance(f64),
     /// Luminous flux of all surfaces that wear the material together, lm.
     LuminousFlux(f64),
-}
-
-/// A material as a run sees it: `W` numbers for each spectrum.
-#[derive(Clone, Debug)]
-pub struct SampledMaterial {
-    /// d π R^d: the share of light reflected diffusely, `[W]`. Zero for glass.
-    pub diffuse: Vec<f32>,
-    /// Share of the specular part; 1 for glass.
-    pub s: f64,
-    /// Beckmann roughness; 0 for glass.
-    pub m: f64,
-    /// Specular reflectance against cos θ: F, or that of the whole sheet for a pane. From outside.
-    pub reflect: FresnelTable,
-    /// What goes through, for glass.
-    pub transmission: Option<Transmission>,
-    /// Emitted radiance L^E, W m⁻² sr⁻¹ nm⁻¹, `[W]`.
-    pub emission: Vec<f32>,
-}
-
-impl SampledMaterial {
-    /// Whether points of this material carry directional radiance.
-    pub fn is_specular(&self) -> bool {
-        self.s > 0.0
-    }
-}
-
-/// What goes through glass.
-#[derive(Clone, Debug)]
-pub enum Transmission {
-    /// Straight through a sheet.
-    Pane {
-        /// Transmittance of the whole sheet against cos θ outside.
-        transmit: FresnelTable,
-    },
-    /// Into or out of a solid.
-    Solid {
-        /// Refractive index used for directions (at the middle of the visible band).
-        n: f64,
-        /// Reflectance met from inside against cos θ inside; 1 beyond the critical angle.
-        inside: FresnelTable,
-        /// Absorption coefficient, 1/m, `[W]`.
-        absorption: Vec<f32>,
-    },
-}
-
-/// A factor tabulated against the angle of incidence, all wavelengths side by side
-/// (the paper's appendix, "Storage of F").
-#[derive(Clone, Debug)]
-pub struct FresnelTable {
-    /// Number of wavelengths, W.
-    pub wavelengths: usize,
-    /// `[entries][W]`, from normal to grazing incidence, equally spaced in cos θ from 1 to 0.
-    pub values: Vec<f32>,
-}
-
-impl FresnelTable {
-    /// Entries per wavelength.
-    pub fn entries(&self) -> usize {
-        self.values.len() / self.wavelengths
-    }
-
-    /// The two neighbouring entries for `cos_theta` (clamped to 0..1) are `slot` and `slot + 1`,
-    /// and the value is `(1 - f) a + f b`: returns `(slot, f)`.
-    #[inline]
-    pub fn slot(&self, cos_theta: f32) -> (usize, f32) {
-        let last = self.entries() - 1;
-        let x = (1.0 - cos_theta.clamp(0.0, 1.0)) * last as f32;
-        let slot = (x as usize).min(last - 1);
-        (slot, x - slot as f32)
-    }
-
-    /// The factor at `cos_theta` for every wavelength, into `out[..W]`.
-    #[inline]
-    pub fn eval(&self, cos_theta: f32, out: &mut [f32]) {
-        let (slot, f) = self.slot(cos_theta);
-        let w = self.wavelengths;
-        let a = &self.values[slot * w..(slot + 1) * w];
-        let b = &self.values[(slot + 1) * w..(slot + 2) * w];
-        for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
-            *o = a + f * (b - a);
-        }
-    }
 }

@@ -8,14 +8,16 @@ use glam::{DVec3, Vec3};
 /// An element: a cell of a surface.
 pub type Element = (SurfaceId, Cell);
 
-/// Divides every surface until no element is larger than `sampling.max_area` (section 3.1.2).
+/// Divides every surface until no element is larger than `sampling.max_area`, or than the area
+/// that the scene sets for the surface's object (section 3.1.2).
 pub fn divide_by_area(geometry: &Geometry, sampling: &Sampling) -> Vec<Element> {
     let mut elements = Vec::new();
     let mut open: Vec<Element> = Vec::new();
     for s in 0..geometry.surfaces.len() {
         open.push((SurfaceId(s as u32), Cell::ROOT));
+        let max_area = geometry.max_area_of(SurfaceId(s as u32), sampling);
         while let Some((id, cell)) = open.pop() {
-            let large = element_area(geometry, (id, cell)) > sampling.max_area;
+            let large = element_area(geometry, (id, cell)) > max_area;
             if large && cell.level < sampling.max_level.min(Cell::MAX_LEVEL) {
                 open.extend((0..4).rev().map(|c| (id, cell.child(c))));
             } else {

@@ -1,9 +1,21 @@
 //! A scene: geometry, which the visibility graph depends on, and appearance, which it does not.
 
 mod camera;
+mod compile;
+mod csv;
+mod description;
+mod load;
+mod materials;
+mod obj;
+mod parts;
 mod sampled;
+mod source;
+mod spectra;
+mod suggest;
+mod surfaces;
 
 pub use camera::Camera;
+pub use load::{SceneDescription, load, load_with_changes};
 pub use sampled::SampledAppearance;
 
 use crate::geometry::{Aabb, Surface, SurfaceId};
@@ -52,6 +64,9 @@ pub struct Geometry {
     pub object: Vec<ObjectId>,
     /// Names of the objects.
     pub objects: Vec<String>,
+    /// Per surface: the largest area of its elements where the scene file sets one for the
+    /// object, m²; it takes the place of [`Sampling::max_area`].
+    pub max_area: Vec<Option<f64>>,
 }
 
 impl Geometry {
@@ -70,6 +85,7 @@ impl Geometry {
             patch: Vec::with_capacity(shapes.len()),
             object: Vec::with_capacity(shapes.len()),
             objects,
+            max_area: vec![None; shapes.len()],
         };
         for (shape, two_sided, patch, object) in shapes {
             geometry.surfaces.push(Surface::new(match shape {
@@ -91,6 +107,11 @@ impl Geometry {
     /// The surface `id`.
     pub fn surface(&self, id: SurfaceId) -> &Surface {
         &self.surfaces[id.index()]
+    }
+
+    /// The largest area that an element of surface `id` may have, m².
+    pub fn max_area_of(&self, id: SurfaceId, sampling: &Sampling) -> f64 {
+        self.max_area[id.index()].unwrap_or(sampling.max_area)
     }
 
     /// Distances from a plane below this are no distance at all: the `f32` lattice cannot tell, m.

@@ -1,6 +1,6 @@
 //! An appearance at the wavelengths of a run.
 
-use super::MaterialId;
+use super::{Appearance, Geometry, MaterialId};
 use crate::geometry::SurfaceId;
 use crate::material::SampledMaterial;
 use crate::spectrum::Wavelengths;
@@ -21,5 +21,33 @@ impl SampledAppearance {
     #[inline]
     pub fn of(&self, id: SurfaceId) -> &SampledMaterial {
         &self.materials[self.surface_material[id.index()].0 as usize]
+    }
+}
+
+impl Appearance {
+    /// All materials at `wavelengths`, with `fresnel_entries` angles in their tables (see
+    /// [`DEFAULT_ENTRIES`](crate::material::DEFAULT_ENTRIES)). The luminous flux of a material is shared by all surfaces
+    /// of `geometry` that wear it, both sides of those that are two-sided.
+    pub fn sample(
+        &self,
+        geometry: &Geometry,
+        wavelengths: &Wavelengths,
+        fresnel_entries: usize,
+    ) -> SampledAppearance {
+        let mut areas = vec![0.0; self.materials.len()];
+        for ((surface, two_sided), material) in
+            geometry.surfaces.iter().zip(&geometry.two_sided).zip(&self.surface_material)
+        {
+            if let Some(area) = areas.get_mut(material.0 as usize) {
+                *area += if *two_sided { 2.0 * surface.area } else { surface.area };
+            }
+        }
+        SampledAppearance {
+            materials: (self.materials.iter().zip(areas))
+                .map(|(material, area)| material.sample(wavelengths, fresnel_entries, area))
+                .collect(),
+            wavelengths: wavelengths.clone(),
+            surface_material: self.surface_material.clone(),
+        }
     }
 }

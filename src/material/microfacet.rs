@@ -1,0 +1,120 @@
+//! The rough reflection of section 2.2: Beckmann's distribution and the V-cavities of Cook and Torrance.
+//!
+//! `ni`, `nr`, `nh` are the cosines between the normal and the incident direction, the reflected
+//! direction and the half vector, `ih` that between incident direction and half vector; `m` is the
+//! root-mean-square slope of the facets. `m = 0`, the perfect mirror, is the caller's: a slope under
+//! [`MIN_ROUGHNESS`] is treated as that.
+
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// The smallest slope that is evaluated: far narrower than any pixel.
+pub const MIN_ROUGHNESS: f64 = 1e-6;
+
+/// D = exp(-tan²α/m²)/(m² cos⁴α), without 1/π: ∫ D cos α/π dω = 1. Zero at and below the horizon.
+pub fn beckmann_d(cos_alpha: f64, m: f64) -> f64 {
+    // Negated so that what is not a number counts as below the horizon.
+    if !(cos_alpha > 0.0) {
+        return 0.0;
+    }
+    let (m2, cos2) = (m.max(MIN_ROUGHNESS).powi(2), cos_alpha.min(1.0).powi(2));
+    let exponent = (1.0 - cos2) / (cos2 * m2);
+    if exponent > 700.0 { 0.0 } else { (-exponent).exp() / (m2 * cos2 * cos2) }
+}
+
+/// G = min(1, 2 nh nr/ih, 2 nh ni/ih): masking and shadowing in V-shaped grooves. Zero where a cosine
+/// is not positive.
+pub fn masking_g(nh: f64, ni: f64, nr: f64, ih: f64) -> f64 {
+    if nh > 0.0 && ni > 0.0 && nr > 0.0 && ih > 0.0 { (2.0 * nh * nr.min(ni) / ih).min(1.0) } else { 0.0 }
+}
+
+/// R_s/F = D G/(4π ni nr), 1/sr (section 2.2). Zero where a direction is at or below the horizon.
+pub fn rs_over_f(ni: f64, nr: f64, nh: f64, ih: f64, m: f64) -> f64 {
+    let g = masking_g(nh, ni, nr, ih);
+    // G/(ni nr) is bounded by 2 nh/(ih max(ni, nr)); taken apart it overflows at grazing angles.
+    if g > 0.0 { beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr)) } else { 0.0 }
+}
+
+/// A half vector about the normal (0, 0, 1), with density D cos α/π per solid angle: see [`half_vector_pdf`].
+/// `u1`, `u2` are uniform in 0..1.
+pub fn sample_half_vector(m: f64, u1: f64, u2: f64) -> DVec3 {
+    let u1 = u1.max(0.0).min(1.0 - f64::EPSILON);
+    let tan2 = -m.max(MIN_ROUGHNESS).powi(2) * (-u1).ln_1p();
+    let cos = 1.0 / (1.0 + tan2).sqrt();
+    let sin = tan2.sqrt() * cos;
+    let (sin_phi, cos_phi) = (TAU * u2).sin_cos();
+    DVec3::new(sin * cos_phi, sin * sin_phi, cos)
+}
+
+/// Density of [`sample_half_vector`], 1/sr of half vectors: D cos α/π. The density of the direction
+/// reflected about the half vector is this divided by 4 `ih`.
+pub fn half_vector_pdf(cos_alpha: f64, m: f64) -> f64 {
+    beckmann_d(cos_alpha, m) * cos_alpha.max(0.0).min(1.0) / PI
+}
+
+/// What a direction reflected about a sampled half vector carries, F apart: (R_s/F) nr over its density,
+/// G ih/(ni nh). At most 2; zero where the direction lies below the horizon.
+pub fn sample_weight(ni: f64, nr: f64, nh: f64, ih: f64) -> f64 {
+    let g = masking_g(nh, ni, nr, ih);
+    if g > 0.0 { (g * ih / (ni * nh)).min(2.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distribution_is_normalised() {
+        for m in [1e-4, 0.05, 0.3, 1.0, 2.0] {
+            // ∫ D cos α/π dω over x = tan α/m, cos α = 1/sqrt(1 + m² x²).
+            let steps = 200_000;
+            let sum: f64 = (0..steps)
+                .map(|i| {
+                    let x = 20.0 * (f64::from(i) + 0.5) / f64::from(steps);
+                    let cos = 1.0 / (1.0 + (m * x).powi(2)).sqrt();
+                    beckmann_d(cos, m) * 2.0 * m * m * x * cos.powi(4) * 20.0 / f64::from(steps)
+                })
+                .sum();
+            assert!((sum - 1.0).abs() < 1e-6, "{m}: {sum}");
+        }
+    }
+
+    #[test]
+    fn reciprocal_finite_and_never_negative() {
+        let odd = [-1.0, 0.0, 1e-300, 1e-12, 0.3, 1.0, 1.0 + 1e-9, f64::NAN];
+        for ni in odd {
+            for nr in odd {
+                for nh in odd {
+                    for m in [0.0, 1e-4, 0.3, 2.0, f64::NAN] {
+                        let r = rs_over_f(ni, nr, nh, 0.5, m);
+                        assert!(r >= 0.0 && r.is_finite(), "{ni} {nr} {nh} {m}: {r}");
+                        assert_eq!(r, rs_over_f(nr, ni, nh, 0.5, m));
+                        assert!(sample_weight(ni, nr, nh, 0.5) <= 2.0);
+                        assert!(half_vector_pdf(nh, m).is_finite());
+                    }
+                }
+            }
+        }
+    }
+
+    /// The sampled tangents follow the distribution: chi-square on 32 cells of equal probability.
+    #[test]
+    fn samples_follow_their_density() {
+        let (m, side) = (0.4, 512);
+        let mut cells = [0.0_f64; 32];
+        for i in 0..side * side {
+            // A fixed, well-spread set of points.
+            let u1 = (f64::from(i) + 0.5) / f64::from(side * side);
+            let u2 = (f64::from(i) * 0.618_033_988_749_895).fract();
+            let h = sample_half_vector(m, u1, u2);
+            assert!((h.length() - 1.0).abs() < 1e-12 && h.z > 0.0);
+            // Chance of a steeper facet, and the quadrant.
+            let steeper = (-(1.0 / (h.z * h.z) - 1.0) / (m * m)).exp();
+            let quadrant = usize::from(h.x > 0.0) + 2 * usize::from(h.y > 0.0);
+            cells[8 * quadrant + ((8.0 * steeper) as usize).min(7)] += 1.0;
+        }
+        let expected = f64::from(side * side) / 32.0;
+        let chi2: f64 = cells.iter().map(|c| (c - expected).powi(2) / expected).sum();
+        assert!(chi2 < 50.0, "{chi2} {cells:?}");
+    }
+}

@@ -1,0 +1,219 @@
+//! From quads, triangles and OBJ faces to the geometry of a scene.
+
+use super::compile::MAX_COORDINATE;
+use super::parts::{FacePlace, Part};
+use super::{Geometry, ObjectId, SceneDescription};
+use crate::error::Result;
+use crate::geometry::{Aabb, QuadKind, Shape, classify_quad, is_triangle};
+use glam::DVec3;
+
+/// More surfaces than this are refused.
+const MAX_SURFACES: usize = 4_000_000;
+
+/// Geometry, and what had to be mended in it.
+pub struct Shaped {
+    /// The geometry.
+    pub geometry: Geometry,
+    /// One sentence for each kind of mending and object.
+    pub notes: Vec<String>,
+}
+
+/// A face as written, in world coordinates.
+struct Face {
+    shape: Shape,
+    part: usize,
+    place: FacePlace,
+}
+
+/// What became of the faces of a part.
+#[derive(Clone, Copy, Default)]
+struct Mended {
+    warped: usize,
+    without_area: usize,
+}
+
+/// Makes the geometry of `parts`. `both_sides` tells whether a part has sample points on both.
+pub fn shape(
+    description: &SceneDescription,
+    parts: &[Part],
+    both_sides: impl Fn(&Part) -> bool,
+) -> Result<Shaped> {
+    let faces = faces(description, parts)?;
+    // Faces are judged as they will be stored: relative to the centre and on the f32 lattice.
+    let centre = Aabb::around(faces.iter().flat_map(|f| corners(&f.shape).iter().copied())).centre();
+    let stored = |p: DVec3| (p - centre).as_vec3().as_dvec3();
+    let mut shapes = Vec::with_capacity(faces.len());
+    let mut places = Vec::with_capacity(faces.len());
+    let mut mended = vec![Mended::default(); parts.len()];
+    for (patch, face) in faces.iter().enumerate() {
+        let from_obj = matches!(face.place, FacePlace::Obj(..));
+        let pieces = match pieces(&face.shape, stored) {
+            Ok(pieces) => pieces,
+            Err(Fault::NoArea) if from_obj => {
+                mended[face.part].without_area += 1;
+                continue;
+            }
+            Err(fault) => return Err(face.place.error(description, fault.message())),
+        };
+        mended[face.part].warped += pieces.len() - 1;
+        let two_sided = both_sides(&parts[face.part]);
+        for shape in pieces {
+            shapes.push((shape, two_sided, patch as u32, ObjectId(face.part as u32)));
+            places.push(face.place);
+        }
+    }
+    if shapes.is_empty() {
+        let message = "there is no surface; add [[objects]] with quads, triangles or an obj file";
+        return Err(description.sources.error(0, message));
+    }
+    let mut geometry = Geometry::new(shapes, parts.iter().map(|p| p.name.clone()).collect());
+    if let Some(i) =
+        geometry.surfaces.iter().position(|s| s.area <= 0.0 || !s.area.is_finite() || s.normal == DVec3::ZERO)
+    {
+        let message = "this surface is too small next to the size of the scene";
+        return Err(places[i].error(description, message));
+    }
+    for (object, max_area) in geometry.object.iter().zip(&mut geometry.max_area) {
+        let table = description.document.objects[parts[object.0 as usize].object].get_ref();
+        *max_area = table.max_area.as_ref().map(|a| *a.get_ref());
+    }
+    Ok(Shaped { geometry, notes: notes(parts, &mended) })
+}
+
+fn corners(shape: &Shape) -> &[DVec3] {
+    match shape {
+        Shape::Quad(v) => v,
+        Shape::Triangle(v) => v,
+    }
+}
+
+/// All faces in the order of the parts; numbers are finite and in range.
+fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
+    let mut faces = Vec::new();
+    let mut part = 0;
+    for (i, object) in description.document.objects.iter().enumerate() {
+        check_object(description, i)?;
+        let table = object.get_ref();
+        let first = part;
+        while parts.get(part).is_some_and(|p| p.object == i) {
+            part += 1;
+        }
+        let Some(mesh) = description.meshes.get(&i) else {
+            for quad in &table.quads {
+                let shape = Shape::Quad(quad.get_ref().map(DVec3::from_array));
+                faces.push(Face { shape, part: first, place: FacePlace::Toml(quad.span().start) });
+            }
+            for triangle in &table.triangles {
+                let shape = Shape::Triangle(triangle.get_ref().map(DVec3::from_array));
+                faces.push(Face { shape, part: first, place: FacePlace::Toml(triangle.span().start) });
+            }
+            continue;
+        };
+        let scale = table.scale.as_ref().map_or(1.0, |s| *s.get_ref());
+        let translate = table.translate.as_ref().map_or(DVec3::ZERO, |t| DVec3::from_array(*t.get_ref()));
+        for face in &mesh.faces {
+            let [a, b, c, d] = face.corners.map(|v| scale * mesh.vertices[v as usize] + translate);
+            let shape = if face.count == 4 { Shape::Quad([a, b, c, d]) } else { Shape::Triangle([a, b, c]) };
+            let place = FacePlace::Obj(i, face.place);
+            faces.push(Face { shape, part: first + face.part as usize, place });
+        }
+    }
+    if faces.len() > MAX_SURFACES {
+        let message = format!("there are {} surfaces, more than {MAX_SURFACES}", faces.len());
+        return Err(description.sources.error(0, message));
+    }
+    for face in &faces {
+        if !corners(&face.shape).iter().all(|p| p.abs().max_element() <= MAX_COORDINATE && p.is_finite()) {
+            let message = "a corner is not finite or beyond 1e18 m; mend the coordinates";
+            return Err(face.place.error(description, message));
+        }
+    }
+    Ok(faces)
+}
+
+/// Refuses an entry of `[[objects]]` whose keys do not go together.
+fn check_object(description: &SceneDescription, i: usize) -> Result<()> {
+    let object = &description.document.objects[i];
+    let (table, sources) = (object.get_ref(), &description.sources);
+    let drawn = !table.quads.is_empty() || !table.triangles.is_empty();
+    if drawn == table.obj.is_some() {
+        let message = format!(
+            "object \"{}\" needs `quads` and `triangles`, or else `obj`; give one or the other",
+            table.name.get_ref()
+        );
+        return Err(sources.error(object.span().start, message));
+    }
+    let with_obj = [
+        table.scale.as_ref().map(toml::Spanned::span),
+        table.translate.as_ref().map(toml::Spanned::span),
+        table.materials.keys().next().map(toml::Spanned::span),
+    ];
+    if let Some(span) = with_obj.into_iter().flatten().next().filter(|_| table.obj.is_none()) {
+        let message = "`scale`, `translate` and `materials` go with `obj`";
+        return Err(sources.error(span.start, message));
+    }
+    for (number, what) in [(&table.scale, "`scale`"), (&table.max_area, "`max_area`, m2,")] {
+        if let Some(x) = number
+            && !(x.get_ref().is_finite() && *x.get_ref() > 0.0)
+        {
+            return Err(sources.error(x.span().start, format!("{what} is a positive number")));
+        }
+    }
+    Ok(())
+}
+
+/// Why a face cannot be used.
+enum Fault {
+    NoArea,
+    NotConvex(usize),
+}
+
+impl Fault {
+    fn message(self) -> String {
+        match self {
+            Fault::NoArea => "this surface has no area; remove it or mend its corners".into(),
+            Fault::NotConvex(corner) => format!(
+                "this quadrilateral is not convex: corner {} turns inwards or lies straight between its \
+                 neighbours; split it into triangles or order its corners around the edge",
+                corner + 1
+            ),
+        }
+    }
+}
+
+/// The surfaces that stand for a face: itself, or the two triangles of a warped quadrilateral.
+/// `stored` gives a corner as the geometry will hold it.
+fn pieces(shape: &Shape, stored: impl Fn(DVec3) -> DVec3) -> std::result::Result<Vec<Shape>, Fault> {
+    let triangle = |t: [DVec3; 3]| {
+        if is_triangle(&t.map(&stored)) { Ok(Shape::Triangle(t)) } else { Err(Fault::NoArea) }
+    };
+    let [a, b, c, d] = match *shape {
+        Shape::Triangle(t) => return Ok(vec![triangle(t)?]),
+        Shape::Quad(quad) => quad,
+    };
+    match classify_quad(&[a, b, c, d].map(&stored)) {
+        QuadKind::Flat => Ok(vec![*shape]),
+        QuadKind::Warped => Ok(vec![triangle([a, b, d])?, triangle([c, d, b])?]),
+        QuadKind::NotConvex(corner) => Err(Fault::NotConvex(corner)),
+        QuadKind::Degenerate => Err(Fault::NoArea),
+    }
+}
+
+fn notes(parts: &[Part], mended: &[Mended]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (part, mended) in parts.iter().zip(mended) {
+        let Mended { warped, without_area } = *mended;
+        let name = &part.name;
+        if warped > 0 {
+            let are = if warped == 1 { "quadrilateral is" } else { "quadrilaterals are" };
+            notes.push(format!(
+                "object \"{name}\": {warped} {are} out of plane, each is taken as two triangles"
+            ));
+        }
+        if without_area > 0 {
+            let faces = if without_area == 1 { "face" } else { "faces" };
+            notes.push(format!("object \"{name}\": {without_area} {faces} without area left out"));
+        }
+    }
+    notes
+}
