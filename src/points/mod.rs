@@ -19,6 +19,9 @@ use glam::Vec3;
 pub struct Sampling {
     /// An element larger than this is divided, m².
     pub max_area: f64,
+    /// Factor on every threshold of area, also on those that a scene sets for single objects: 4
+    /// gives about a quarter of the points.
+    pub area_factor: f64,
     /// The paper's second threshold: an element that a facing point could see under more than
     /// this solid angle is divided, sr.
     pub max_solid_angle: Option<f64>,
@@ -31,7 +34,13 @@ pub struct Sampling {
 impl Sampling {
     /// Division by area alone.
     pub fn by_area(max_area: f64) -> Self {
-        Sampling { max_area, max_solid_angle: None, refine_solid_angle: None, max_level: 12 }
+        Sampling {
+            max_area,
+            area_factor: 1.0,
+            max_solid_angle: None,
+            refine_solid_angle: None,
+            max_level: 12,
+        }
     }
 }
 

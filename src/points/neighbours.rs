@@ -89,7 +89,9 @@ fn deepest_level(geometry: &Geometry, sampling: &Sampling, element: Element) -> 
     let limit = sampling.level_limit();
     // The level at which the area threshold alone left this part of the surface.
     let by_area = (0..cell.level)
-        .find(|&level| element_area(geometry, (id, cell.ancestor(level))) <= sampling.max_area)
+        .find(|&level| {
+            element_area(geometry, (id, cell.ancestor(level))) <= geometry.max_area_of(id, sampling)
+        })
         .unwrap_or(cell.level);
     (by_area + MAX_EXTRA_LEVELS).min(limit)
 }

@@ -3,7 +3,7 @@
 use super::neighbours::Neighbourhood;
 use super::{Cell, Element, SamplePoints, Sampling, divide_by_area};
 use crate::error::{Error, Result};
-use crate::geometry::Side;
+use crate::geometry::{Side, SurfaceId};
 use crate::scene::Geometry;
 use crate::voxels::Voxels;
 
@@ -24,8 +24,12 @@ pub fn sample(geometry: &Geometry, sampling: &Sampling, voxels: &Voxels) -> Resu
     let least: f64 = geometry
         .surfaces
         .iter()
-        .zip(&geometry.two_sided)
-        .map(|(s, two)| (s.area / sampling.max_area).min(most_per_surface) * if *two { 2.0 } else { 1.0 })
+        .enumerate()
+        .map(|(i, surface)| {
+            let id = SurfaceId(i as u32);
+            let elements = (surface.area / geometry.max_area_of(id, sampling)).min(most_per_surface);
+            elements * if geometry.two_sided[i] { 2.0 } else { 1.0 }
+        })
         .sum();
     if least > MAX_POINTS as f64 {
         return Err(too_many("max_area"));

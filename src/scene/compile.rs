@@ -102,6 +102,7 @@ fn sampling(sources: &Sources, table: &SamplingTable, geometry: &Geometry) -> Re
         return Err(sources.error(at, format!("max_level is at most {}", Cell::MAX_LEVEL)));
     }
     let sampling = Sampling {
+        area_factor: 1.0,
         max_area,
         max_solid_angle: positive(&table.max_solid_angle, "a solid angle, sr,")?,
         refine_solid_angle: positive(&table.refine_solid_angle, "a solid angle, sr,")?,

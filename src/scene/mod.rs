@@ -111,7 +111,7 @@ impl Geometry {
 
     /// The largest area that an element of surface `id` may have, m².
     pub fn max_area_of(&self, id: SurfaceId, sampling: &Sampling) -> f64 {
-        self.max_area[id.index()].unwrap_or(sampling.max_area)
+        self.max_area[id.index()].unwrap_or(sampling.max_area) * sampling.area_factor
     }
 
     /// Distances from a plane below this are no distance at all: the `f32` lattice cannot tell, m.
