@@ -32,7 +32,7 @@ pub fn masking_g(nh: f64, ni: f64, nr: f64, ih: f64) -> f64 {
 pub fn rs_over_f(ni: f64, nr: f64, nh: f64, ih: f64, m: f64) -> f64 {
     let g = masking_g(nh, ni, nr, ih);
     // G/(ni nr) is bounded by 2 nh/(ih max(ni, nr)); taken apart it overflows at grazing angles.
-    if g > 0.0 { beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr)) } else { 0.0 }
+    if g > 0.0 { (beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr))).min(f64::MAX) } else { 0.0 }
 }
 
 /// A half vector about the normal (0, 0, 1), with density D cos α/π per solid angle: see [`half_vector_pdf`].
