@@ -1,5 +1,6 @@
 //! How much light the rough reflection of section 2.2 returns in all directions together, F = 1.
 
+use super::bounded;
 use super::microfacet::MIN_ROUGHNESS;
 use std::f64::consts::PI;
 
@@ -24,13 +25,12 @@ const PANELS: usize = 12;
 /// Within 1e-8 of adaptive
 /// integration.
 pub fn directional_albedo(m: f64, cos_theta: f64) -> f64 {
-    // Negated so that what is not a number counts as a mirror.
-    if !(m > 0.0) {
+    if m.is_nan() || m <= 0.0 {
         return 1.0;
     }
     let m = m.clamp(MIN_ROUGHNESS, 1e3);
     // Below this the albedo no longer changes, and its terms would divide by zero.
-    let ni = cos_theta.max(1e-9 * m.min(1.0)).min(1.0);
+    let ni = bounded(cos_theta, 1e-9 * m.min(1.0), 1.0);
     let bends = bends(ni.acos()).map(|alpha| (alpha.max(0.0).tan() / m).min(LAST_SLOPE));
     let mut sum = 0.0;
     for pair in bends.windows(2) {
@@ -108,7 +108,7 @@ impl AlbedoTable {
 
     /// The table for roughness `m`; `m = 0` is 1 everywhere.
     pub fn new(m: f64) -> Self {
-        let knee = (m.max(MIN_ROUGHNESS).min(1e3)) as f32;
+        let knee = bounded(m, MIN_ROUGHNESS, 1e3) as f32;
         let values = (0..Self::ENTRIES)
             .map(|i| {
                 let x = i as f64 / (Self::ENTRIES - 1) as f64;
@@ -122,7 +122,7 @@ impl AlbedoTable {
     /// The albedo for light from `cos_theta` (clamped to 0..1), within 1e-4.
     #[inline]
     pub fn eval(&self, cos_theta: f32) -> f32 {
-        let cos = cos_theta.max(0.0).min(1.0);
+        let cos = bounded(f64::from(cos_theta), 0.0, 1.0) as f32;
         let x = cos * (1.0 + self.knee) / (cos + self.knee) * (Self::ENTRIES - 1) as f32;
         let slot = (x as usize).min(Self::ENTRIES - 2);
         let (a, b) = (self.values[slot], self.values[slot + 1]);

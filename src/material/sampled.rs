@@ -1,6 +1,6 @@
 //! Materials at the wavelengths of a run.
 
-use super::{Body, Emission, Fresnel, FresnelTable, Level, Material, fresnel, glass};
+use super::{Body, Emission, Fresnel, FresnelTable, Level, Material, bounded, fresnel, glass};
 use crate::spectrum::{Wavelengths, luminance_of};
 use std::f64::consts::PI;
 
@@ -86,7 +86,7 @@ impl Material {
                 };
                 let diffuse = albedo.into_iter().map(|a| ((1.0 - s) * unit(a)) as f32).collect();
                 let reflect = table(fresnel_entries, &|nm, cos| fresnel.at(nm, cos));
-                (diffuse, s, m.max(0.0).min(MAX_ROUGHNESS), reflect, None)
+                (diffuse, s, bounded(*m, 0.0, MAX_ROUGHNESS), reflect, None)
             }
             Body::Pane { n, transmittance } => {
                 let pane = |nm: f64, cos: f64| glass::pane(cos, n.at(nm), transmittance.at(nm));
@@ -122,7 +122,7 @@ const MAX_ROUGHNESS: f64 = 1e3;
 
 /// Clamped to 0..1; what is not a number becomes 0.
 fn unit(x: f64) -> f64 {
-    x.max(0.0).min(1.0)
+    bounded(x, 0.0, 1.0)
 }
 
 /// As it is stored: finite and not negative.

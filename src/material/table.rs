@@ -29,7 +29,7 @@ impl FresnelTable {
         let mut values = Vec::with_capacity((last + 1) * wavelengths);
         for entry in 0..=last {
             let cos_theta = 1.0 - entry as f64 / last as f64;
-            values.extend((0..wavelengths).map(|w| factor(w, cos_theta).max(0.0).min(1.0) as f32));
+            values.extend((0..wavelengths).map(|w| super::bounded(factor(w, cos_theta), 0.0, 1.0) as f32));
         }
         FresnelTable { wavelengths, values }
     }
