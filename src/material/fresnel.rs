@@ -3,11 +3,13 @@
 //! Cosines are clamped to 0..1 and indices to 0..1e6 (not a number counts as 0), so every result is
 //! a reflectance between 0 and 1.
 
+use super::bounded;
+
 /// Power reflectances `[R_s, R_p]` from vacuum (or air) onto a medium of index n + ik. Total reflection included: for
 /// n < 1 and k = 0 both are 1 beyond the critical angle.
 pub fn polarised(cos_theta: f64, n: f64, k: f64) -> [f64; 2] {
-    let [n, k] = [n, k].map(|x| x.max(0.0).min(1e6));
-    let c = cos_theta.max(0.0).min(1.0);
+    let [n, k] = [n, k].map(|x| bounded(x, 0.0, 1e6));
+    let c = bounded(cos_theta, 0.0, 1.0);
     if n == 1.0 && k == 0.0 {
         // No boundary: at grazing incidence the formula below is 0/0.
         return [0.0, 0.0];
@@ -45,7 +47,7 @@ pub fn inside(cos_theta: f64, n: f64) -> f64 {
 /// factor of one index n + ik (at 589 nm), with F(λ, π/2) = 1. Good for glass (6e-4) and silver (8e-3), not
 /// for gold in the blue (off by up to 0.13).
 pub fn scaled(cos_theta: f64, normal: f64, n: f64, k: f64) -> f64 {
-    let normal = normal.max(0.0).min(1.0);
+    let normal = bounded(normal, 0.0, 1.0);
     let at_normal = unpolarised(1.0, n, k);
     if at_normal >= 1.0 {
         return normal;

@@ -1,6 +1,6 @@
 //! Clear and coloured glass: the thin sheet as a whole, and absorption inside.
 
-use super::fresnel;
+use super::{bounded, fresnel};
 use crate::spectrum::Spectrum;
 use std::f64::consts::PI;
 
@@ -18,10 +18,10 @@ pub struct Sheet {
 ///
 /// R = F + F (1-F)² τ²/(1 - F² τ²), T = (1-F)² τ/(1 - F² τ²).
 pub fn pane(cos_theta: f64, n: f64, tau: f64) -> Sheet {
-    let cos = cos_theta.max(0.0).min(1.0);
-    let n = n.max(1e-3).min(1e6);
+    let cos = bounded(cos_theta, 0.0, 1.0);
+    let n = bounded(n, 1e-3, 1e6);
     let cos_inside = (1.0 - (1.0 - cos * cos) / (n * n)).max(0.0).sqrt();
-    let tau = tau.max(0.0).min(1.0);
+    let tau = bounded(tau, 0.0, 1.0);
     let along = if tau < 1.0 { tau.powf(1.0 / cos_inside) } else { 1.0 };
     let mut sheet = Sheet { reflectance: 0.0, transmittance: 0.0 };
     for f in fresnel::polarised(cos, n, 0.0) {

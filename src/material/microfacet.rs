@@ -5,6 +5,7 @@
 //! root-mean-square slope of the facets. `m = 0`, the perfect mirror, is the caller's: a slope under
 //! [`MIN_ROUGHNESS`] is treated as that.
 
+use super::bounded;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -13,8 +14,7 @@ pub const MIN_ROUGHNESS: f64 = 1e-6;
 
 /// D = exp(-tan²α/m²)/(m² cos⁴α), without 1/π: ∫ D cos α/π dω = 1. Zero at and below the horizon.
 pub fn beckmann_d(cos_alpha: f64, m: f64) -> f64 {
-    // Negated so that what is not a number counts as below the horizon.
-    if !(cos_alpha > 0.0) {
+    if cos_alpha.is_nan() || cos_alpha <= 0.0 {
         return 0.0;
     }
     let (m2, cos2) = (m.max(MIN_ROUGHNESS).powi(2), cos_alpha.min(1.0).powi(2));
@@ -32,13 +32,13 @@ pub fn masking_g(nh: f64, ni: f64, nr: f64, ih: f64) -> f64 {
 pub fn rs_over_f(ni: f64, nr: f64, nh: f64, ih: f64, m: f64) -> f64 {
     let g = masking_g(nh, ni, nr, ih);
     // G/(ni nr) is bounded by 2 nh/(ih max(ni, nr)); taken apart it overflows at grazing angles.
-    if g > 0.0 { beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr)) } else { 0.0 }
+    if g > 0.0 { (beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr))).min(f64::MAX) } else { 0.0 }
 }
 
 /// A half vector about the normal (0, 0, 1), with density D cos α/π per solid angle: see [`half_vector_pdf`].
 /// `u1`, `u2` are uniform in 0..1.
 pub fn sample_half_vector(m: f64, u1: f64, u2: f64) -> DVec3 {
-    let u1 = u1.max(0.0).min(1.0 - f64::EPSILON);
+    let u1 = bounded(u1, 0.0, 1.0 - f64::EPSILON);
     let tan2 = -m.max(MIN_ROUGHNESS).powi(2) * (-u1).ln_1p();
     let cos = 1.0 / (1.0 + tan2).sqrt();
     let sin = tan2.sqrt() * cos;
@@ -49,7 +49,7 @@ pub fn sample_half_vector(m: f64, u1: f64, u2: f64) -> DVec3 {
 /// Density of [`sample_half_vector`], 1/sr of half vectors: D cos α/π. The density of the direction
 /// reflected about the half vector is this divided by 4 `ih`.
 pub fn half_vector_pdf(cos_alpha: f64, m: f64) -> f64 {
-    beckmann_d(cos_alpha, m) * cos_alpha.max(0.0).min(1.0) / PI
+    beckmann_d(cos_alpha, m) * bounded(cos_alpha, 0.0, 1.0) / PI
 }
 
 /// What a direction reflected about a sampled half vector carries, F apart: (R_s/F) nr over its density,

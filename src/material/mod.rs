@@ -94,3 +94,9 @@ pub enum Level {
     /// Luminous flux of all surfaces that wear the material together, lm.
     LuminousFlux(f64),
 }
+
+/// `x` within `lo..=hi`; unlike `clamp`, what is not a number becomes `lo`.
+#[inline]
+fn bounded(x: f64, lo: f64, hi: f64) -> f64 {
+    x.max(lo).min(hi)
+}

@@ -1,10 +1,11 @@
 //! The appendix's storage of F(λ, θ), and what it costs in accuracy.
 
 /// "20 seem enough" (the paper's appendix). Measured, equally spaced in cos θ: within 0.011 of the exact
-/// factor, worst for glass and aluminium near grazing incidence.
+/// factor at the paper's four wavelengths, 0.023 over 380 to 780 nm; worst for aluminium near grazing incidence.
 pub const PAPER_ENTRIES: usize = 20;
 
-/// Entries that keep every built-in metal and dielectric within 1e-3 of the exact factor.
+/// Entries that keep every built-in metal and dielectric, and panes of them, within 1e-3 of the exact factor:
+/// measured 6.4e-4 (chromium at 89.8 degrees); 96 entries leave 1.13e-3.
 pub const DEFAULT_ENTRIES: usize = 128;
 
 /// Beyond this many entries a table gains nothing over the `f32` it is stored in.
@@ -28,7 +29,7 @@ impl FresnelTable {
         let mut values = Vec::with_capacity((last + 1) * wavelengths);
         for entry in 0..=last {
             let cos_theta = 1.0 - entry as f64 / last as f64;
-            values.extend((0..wavelengths).map(|w| factor(w, cos_theta).max(0.0).min(1.0) as f32));
+            values.extend((0..wavelengths).map(|w| super::bounded(factor(w, cos_theta), 0.0, 1.0) as f32));
         }
         FresnelTable { wavelengths, values }
     }

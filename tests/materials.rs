@@ -1,0 +1,287 @@
+//! Do materials reflect what independent computations in high precision say?
+
+use glam::DVec3;
+use luxgraph::geometry::Shape;
+use luxgraph::material::microfacet::{beckmann_d, masking_g, rs_over_f};
+use luxgraph::material::{
+    Body, DEFAULT_ENTRIES, Emission, Fresnel, FresnelTable, Level, Material, PAPER_ENTRIES, Transmission,
+    directional_albedo, fresnel, table_error,
+};
+use luxgraph::scene::{Appearance, Geometry, MaterialId, ObjectId};
+use luxgraph::spectrum::{Spectrum, Wavelengths, library, xyz_of};
+use serde_json::Value;
+use std::f64::consts::PI;
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+fn close(found: f64, expected: f64, tolerance: f64) -> bool {
+    (found - expected).abs() <= tolerance
+}
+
+fn expected_fresnel() -> Value {
+    json(include_str!("data/fresnel.json"))
+}
+
+#[test]
+fn the_fresnel_factor_is_exact() {
+    let data = expected_fresnel();
+    for (name, lines) in data["materials"].as_object().unwrap() {
+        for line in lines.as_array().unwrap() {
+            let (n, k) = (number(&line["n"]), line.get("k").map_or(0.0, number));
+            for (i, angle) in data["angles_deg"].as_array().unwrap().iter().enumerate() {
+                let cos = number(angle).to_radians().cos();
+                let [s, p] = fresnel::polarised(cos, n, k);
+                let mean = fresnel::unpolarised(cos, n, k);
+                for (found, key) in [(s, "R_s"), (p, "R_p"), (mean, "R_unpolarised")] {
+                    assert!(
+                        close(found, number(&line[key][i]), 1e-12),
+                        "{name} {n} {k} {angle} {key} {found}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_fresnel_factor_from_inside_is_exact() {
+    let data = &expected_fresnel()["bk7_to_vacuum_589.3nm"];
+    for (i, angle) in data["angles_deg"].as_array().unwrap().iter().enumerate() {
+        let found = fresnel::inside(number(angle).to_radians().cos(), number(&data["n"]));
+        assert!(close(found, number(&data["R_unpolarised"][i]), 1e-11), "{angle} {found}");
+    }
+}
+
+/// What the appendix's short cuts cost is what an independent computation found.
+#[test]
+fn the_appendix_errs_as_much_as_expected() {
+    let data = &expected_fresnel()["paper_appendix_errors"]["materials"];
+    let mut worst: f64 = 0.0;
+    for (name, lines) in data.as_object().unwrap() {
+        let Some((n, k)) = library::refractive_index(name) else { panic!("{name} is not built in") };
+        for (nm, errors) in lines.as_object().unwrap() {
+            let nm: f64 = nm.parse().unwrap();
+            let exact = |_: usize, cos: f64| fresnel::unpolarised(cos, n.at(nm), k.at(nm));
+            let found = table_error(&FresnelTable::new(1, PAPER_ENTRIES, exact), exact).max_abs;
+            let expected = number(&errors["table20_uniform_cosine_max_abs_error"]);
+            assert!(close(found, expected, 1e-6 + 1e-3 * expected), "{name} {nm}: {found} {expected}");
+            worst = worst.max(found);
+
+            let method1 = |_: usize, cos: f64| fresnel::scaled(cos, exact(0, 1.0), n.at(589.3), k.at(589.3));
+            let first = (0..=1800).map(|i| (0.05 * f64::from(i)).to_radians().cos());
+            let found = first.map(|cos| (method1(0, cos) - exact(0, cos)).abs()).fold(0.0, f64::max);
+            let expected = number(&errors["method1_max_abs_error"]);
+            assert!(close(found, expected, 1e-6), "{name} {nm}: {found} {expected}");
+        }
+    }
+    assert!(close(worst, 0.011, 1e-3), "{worst}");
+}
+
+fn opaque(name: &str, s: f64, m: f64) -> Material {
+    let (n, k) = library::refractive_index(name).unwrap();
+    let body = Body::Opaque { s, m, diffuse: None, fresnel: Fresnel::Index { n, k } };
+    Material { name: name.to_string(), body, emission: None }
+}
+
+#[test]
+fn default_tables_are_within_a_thousandth() {
+    let wavelengths = Wavelengths::bands(16).unwrap();
+    for name in library::refractive_index_names() {
+        let material = opaque(name, 1.0, 0.1);
+        let Body::Opaque { fresnel, .. } = &material.body else { unreachable!() };
+        let table = material.sample(&wavelengths, DEFAULT_ENTRIES, 0.0).reflect;
+        let error = table_error(&table, |w, cos| wavelengths.average(w, |nm| fresnel.at(nm, cos)));
+        assert!(error.max_abs < 1e-3, "{name} {error:?}");
+    }
+}
+
+#[test]
+fn microfacet_terms_agree_with_fifty_digits() {
+    for point in json(include_str!("data/cook_torrance_points.json"))["points"].as_array().unwrap() {
+        let [ti, tr, az] =
+            ["theta_i_deg", "theta_r_deg", "azimuth_deg"].map(|key| number(&point[key]).to_radians());
+        let i = DVec3::new(ti.sin(), 0.0, ti.cos());
+        let r = DVec3::new(tr.sin() * az.cos(), tr.sin() * az.sin(), tr.cos());
+        let h = (i + r).normalize();
+        let m = number(&point["m"]);
+        // Rounding of tan²α, relative to m², goes straight into the exponent of D.
+        let tolerance = |x: f64| x * (1e-9 + 4e-15 / (m * m));
+        let (ih, nh) = (i.dot(h), h.z);
+        let g = masking_g(nh, i.z, r.z, ih);
+        assert!(close(g, number(&point["G"]), 1e-10), "{point}");
+        let d = number(&point["D"]);
+        assert!(close(beckmann_d(nh, m), d, 1e-290 + tolerance(d)), "{point} {}", beckmann_d(nh, m));
+        let rs = number(&point["Rs_over_F"]);
+        assert!(close(rs_over_f(i.z, r.z, nh, ih, m), rs, 1e-290 + tolerance(rs)), "{point}");
+    }
+}
+
+#[test]
+fn directional_albedo_agrees_with_adaptive_integration() {
+    for value in json(include_str!("data/cook_torrance_albedo.json"))["values"].as_array().unwrap() {
+        let cos = number(&value["theta_i_deg"]).to_radians().cos();
+        let found = directional_albedo(number(&value["m"]), cos);
+        assert!(close(found, number(&value["albedo"]), 1e-8), "{value} {found}");
+    }
+}
+
+#[test]
+fn metals_have_their_colour_at_normal_incidence() {
+    let colours = json(include_str!("data/metal_colours.json"));
+    let lines = &expected_fresnel()["materials"];
+    let light = library::illuminant("D65").unwrap();
+    for name in ["gold", "silver"] {
+        let metal = opaque(name, 0.9, 0.3);
+        let sampled = metal.sample(&Wavelengths::meyer4(), PAPER_ENTRIES, 0.0);
+        let meyer =
+            lines[name].as_array().unwrap().iter().filter(|line| number(&line["wavelength_nm"]) != 589.3);
+        for (w, line) in meyer.enumerate() {
+            let f = number(&line["R_unpolarised"][0]);
+            assert!(close(f64::from(sampled.reflect.values[w]), f, 1e-7));
+            // The paper's R^d = F(λ, 0)/π with d = 0.1.
+            assert!(close(f64::from(sampled.diffuse[w]), 0.1 * f, 1e-8));
+        }
+        let Body::Opaque { fresnel, .. } = &metal.body else { unreachable!() };
+        let nm: Vec<f64> = (380..=780).map(f64::from).collect();
+        let reflected = nm.iter().map(|&nm| light.at(nm) * fresnel.at(nm, 1.0)).collect();
+        let xyz = xyz_of(&Spectrum::tabulated(nm, reflected).unwrap());
+        for c in 0..3 {
+            let expected = number(&colours["metals"][name]["XYZ"][c]);
+            assert!(close(100.0 * xyz[c] / xyz_of(&light)[1], expected, 1e-6), "{name} {xyz:?}");
+        }
+    }
+}
+
+#[test]
+fn a_table_never_has_fewer_than_two_entries() {
+    for entries in [0, 1, 2] {
+        let sampled = opaque("bk7", 1.0, 0.0).sample(&Wavelengths::meyer4(), entries, 0.0);
+        let mut f = [0.0; 4];
+        sampled.reflect.eval(0.0, &mut f);
+        assert!(f.iter().all(|f| *f == 1.0));
+    }
+}
+
+fn lamp(level: Level) -> Material {
+    let spectrum = library::illuminant("FL11").unwrap();
+    Material { emission: Some(Emission { spectrum, level }), ..opaque("iron", 0.0, 0.0) }
+}
+
+#[test]
+fn lamps_have_the_luminance_asked_for() {
+    for wavelengths in
+        [Wavelengths::meyer4(), Wavelengths::bands(4).unwrap(), Wavelengths::bands(40).unwrap()]
+    {
+        let luminance = |level, area| wavelengths.xyz(&lamp(level).sample(&wavelengths, 2, area).emission)[1];
+        assert!(close(luminance(Level::Luminance(5000.0), 0.0), 5000.0, 1e-2));
+        assert!(close(luminance(Level::LuminousFlux(4000.0), 0.5), 4000.0 / (PI * 0.5), 1e-2));
+        assert_eq!(luminance(Level::LuminousFlux(4000.0), 0.0), 0.0);
+    }
+}
+
+#[test]
+fn flux_is_shared_by_all_surfaces_and_sides() {
+    let quad = |z: f64, side: f64| {
+        Shape::Quad([[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| DVec3::new(x, y, z)))
+    };
+    let shapes = vec![
+        (quad(0.0, 1.0), false, 0, ObjectId(0)),
+        (quad(1.0, 2.0), true, 1, ObjectId(0)),
+        (quad(2.0, 3.0), false, 2, ObjectId(0)),
+    ];
+    let geometry = Geometry::new(shapes, vec!["lamps".to_string()]);
+    let appearance = Appearance {
+        materials: vec![
+            lamp(Level::LuminousFlux(900.0)),
+            opaque("iron", 0.0, 0.0),
+            lamp(Level::LuminousFlux(1.0)),
+        ],
+        surface_material: vec![MaterialId(0), MaterialId(0), MaterialId(1)],
+    };
+    let wavelengths = Wavelengths::meyer4();
+    let sampled = appearance.sample(&geometry, &wavelengths, DEFAULT_ENTRIES);
+    let luminance = |m: usize| wavelengths.xyz(&sampled.materials[m].emission)[1];
+    assert!(close(PI * 9.0 * luminance(0), 900.0, 1e-2), "{}", luminance(0));
+    assert_eq!((luminance(1), luminance(2)), (0.0, 0.0));
+}
+
+#[test]
+fn glass_lets_through_what_it_does_not_keep() {
+    let wavelengths = Wavelengths::meyer4();
+    let n = Spectrum::Constant(1.52);
+    let pane = Body::Pane { n: n.clone(), transmittance: Spectrum::Constant(1.0) };
+    let sampled = Material { name: "pane".into(), body: pane, emission: None }.sample(
+        &wavelengths,
+        DEFAULT_ENTRIES,
+        0.0,
+    );
+    let Some(Transmission::Pane { transmit }) = &sampled.transmission else { panic!("not a pane") };
+    assert!(close(f64::from(transmit.values[0]), 0.91832, 5e-6));
+    for (r, t) in sampled.reflect.values.iter().zip(&transmit.values) {
+        assert!(close(f64::from(r + t), 1.0, 1e-6));
+    }
+
+    let solid = Body::Solid { n, absorption: Spectrum::Constant(3.0) };
+    let sampled = Material { name: "ball".into(), body: solid, emission: None }.sample(
+        &wavelengths,
+        DEFAULT_ENTRIES,
+        0.0,
+    );
+    let Some(Transmission::Solid { n, inside, absorption }) = &sampled.transmission else {
+        panic!("not solid")
+    };
+    assert_eq!((*n, absorption.as_slice()), (1.52, [3.0_f32; 4].as_slice()));
+    let mut f = [0.0; 4];
+    inside.eval(0.5, &mut f);
+    assert_eq!(f, [1.0; 4]);
+    inside.eval(1.0, &mut f);
+    assert_eq!(f[0], sampled.reflect.values[0]);
+    assert!(sampled.is_specular() && sampled.diffuse.iter().all(|d| *d == 0.0));
+}
+
+/// Whatever the spectra hold, a run sees finite shares of light.
+#[test]
+fn odd_materials_stay_within_bounds() {
+    let odd = || Spectrum::tabulated(vec![400.0, 500.0, 600.0], vec![-1.0, 1e308, 3.0]).unwrap();
+    for level in
+        [Level::Radiance(1e300), Level::Luminance(1e300), Level::Radiance(-1.0), Level::Luminance(f64::NAN)]
+    {
+        for body in [
+            Body::Opaque {
+                s: 2.0,
+                m: f64::NAN,
+                diffuse: Some(odd()),
+                fresnel: Fresnel::Index { n: odd(), k: odd() },
+            },
+            Body::Opaque {
+                s: f64::NAN,
+                m: -1.0,
+                diffuse: Some(odd()),
+                fresnel: Fresnel::Scaled { normal: odd(), n: 0.0, k: 1e9 },
+            },
+            Body::Pane { n: odd(), transmittance: odd() },
+            Body::Solid { n: odd(), absorption: odd() },
+        ] {
+            let emission = Some(Emission { spectrum: odd(), level });
+            let material = Material { name: "odd".into(), body, emission };
+            for wavelengths in [Wavelengths::meyer4(), Wavelengths::bands(9).unwrap()] {
+                let sampled = material.sample(&wavelengths, 20, 1.0);
+                assert!(
+                    sampled.diffuse.iter().chain(&sampled.reflect.values).all(|x| (0.0..=1.0).contains(x))
+                );
+                assert!(
+                    sampled.emission.iter().all(|x| x.is_finite() && *x >= 0.0),
+                    "{:?}",
+                    sampled.emission
+                );
+                assert!((0.0..=1.0).contains(&sampled.s) && sampled.m >= 0.0);
+            }
+        }
+    }
+}
