@@ -28,7 +28,7 @@ pub struct GraphSettings {
 
 impl Default for GraphSettings {
     fn default() -> Self {
-        GraphSettings { proofs: true, direct_candidates: 32 }
+        GraphSettings { proofs: true, direct_candidates: 64 }
     }
 }
 
