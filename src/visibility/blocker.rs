@@ -108,11 +108,7 @@ impl Blocker {
             edges,
             vertices: std::array::from_fn(|k| v[k.min(n - 1)]),
             bounds: surface.bounds(),
-            bands: Bands {
-                apart: bands.apart + warp,
-                slack: bands.slack + warp,
-                near: bands.near + warp,
-            },
+            bands: Bands { apart: bands.apart + warp, slack: bands.slack + warp, near: bands.near + warp },
         }
     }
 
@@ -149,10 +145,7 @@ impl Blocker {
             (range(self.normal, self.offset, a), range(self.normal, self.offset, b));
         let apart = self.bands.apart;
         ((a_lo < -apart && b_hi > apart) || (a_hi > apart && b_lo < -apart))
-            && self
-                .edges
-                .iter()
-                .all(|&(m, c)| range(m, c, a).1.max(range(m, c, b).1) >= -self.bands.slack)
+            && self.edges.iter().all(|&(m, c)| range(m, c, a).1.max(range(m, c, b).1) >= -self.bands.slack)
     }
 
     /// What it does to all segments from the hull of `a` to that of `b`, none of which is longer
@@ -229,4 +222,111 @@ impl Blocker {
 /// Smallest and largest of four.
 fn range(x: &[f64; 4]) -> (f64, f64) {
     (x[0].min(x[1]).min(x[2].min(x[3])), x[0].max(x[1]).max(x[2].max(x[3])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Ray, Shape};
+    use crate::tracers::brute_force::intersect_surface;
+
+    /// Numbers in [-1, 1), the same in every run.
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        }
+
+        fn point(&mut self) -> DVec3 {
+            DVec3::new(self.next(), self.next(), self.next())
+        }
+
+        /// A parallelogram or a triangle, of any place, size and direction.
+        fn surface(&mut self) -> Surface {
+            let (o, u, v) = (self.point(), self.point(), self.point());
+            Surface::new(if self.next() < 0.0 {
+                Shape::Quad([o, o + u, o + u + v, o + v])
+            } else {
+                Shape::Triangle([o, o + u, o + v])
+            })
+        }
+
+        /// The corners of a parallelogram.
+        fn hull(&mut self, size: f64) -> [DVec3; 4] {
+            let (o, u, v) = (self.point(), size * self.point(), size * self.point());
+            [o, o + u, o + u + v, o + v]
+        }
+
+        /// A point in the hull of `h`.
+        fn within(&mut self, h: &[DVec3; 4]) -> DVec3 {
+            let (u, v) = (0.5 + 0.5 * self.next(), 0.5 + 0.5 * self.next());
+            h[0] + u * (h[1] - h[0]) + v * (h[3] - h[0])
+        }
+    }
+
+    const BANDS: Bands = Bands { apart: 1e-6, slack: 4e-6, near: 8e-6 };
+
+    fn blocks(surface: &Surface, a: DVec3, b: DVec3) -> bool {
+        intersect_surface(&Ray { origin: a, direction: b - a, t_min: 1e-6, t_max: 1.0 - 1e-6 }, surface)
+            .is_some()
+    }
+
+    #[test]
+    fn certain_pairs_are_as_intersection_says() {
+        let mut random = Random(1);
+        let (mut hits, mut unsure) = (0, 0);
+        for _ in 0..2000 {
+            let surface = random.surface();
+            let blocker = Blocker::new(&surface, &BANDS);
+            let from = random.point();
+            let to: Vec<DVec3> = (0..20).map(|_| random.point()).collect();
+            let mut profile = Profile::default();
+            blocker.profile(&to, &mut profile);
+            let mut states = vec![0; to.len()];
+            let hidden = blocker.mark(&blocker.distances(from), &profile, 4.0, &mut states);
+            assert_eq!(hidden, states.iter().map(|s| s & HIDDEN).sum::<u64>());
+            for (to, state) in to.iter().zip(&states) {
+                match *state {
+                    0 => assert!(!blocks(&surface, from, *to)),
+                    UNSURE => unsure += 1,
+                    _ => assert!(blocks(&surface, from, *to)),
+                }
+            }
+            hits += hidden;
+            assert_eq!(blocker.mark(&blocker.distances(from), &profile, 4.0, &mut states), 0);
+        }
+        assert!(hits > 1000 && unsure < 40, "{hits} hits, {unsure} unsure");
+    }
+
+    #[test]
+    fn proofs_hold_for_every_segment() {
+        let mut random = Random(2);
+        let mut found = [0; 3];
+        for k in 0..20_000 {
+            let surface = random.surface();
+            let size = if k % 2 == 0 { 0.1 } else { 0.5 };
+            let (a, b) = (random.hull(size), random.hull(size));
+            let blocker = Blocker::new(&surface, &BANDS);
+            let verdict = blocker.judge(&a, &b, 8.0);
+            found[verdict as usize] += 1;
+            for _ in 0..20 {
+                let hit = blocks(&surface, random.within(&a), random.within(&b));
+                assert!(verdict != Verdict::Clear || !hit, "{surface:?} {a:?} {b:?}");
+                assert!(verdict != Verdict::Covers || hit, "{surface:?} {a:?} {b:?}");
+            }
+        }
+        assert!(found.iter().all(|&n| n > 100), "{found:?}");
+    }
+
+    #[test]
+    fn a_surface_without_area_proves_nothing() {
+        let p = DVec3::splat(0.5);
+        for shape in [Shape::Quad([p; 4]), Shape::Triangle([DVec3::ZERO, p, 0.5 * p])] {
+            let blocker = Blocker::new(&Surface::new(shape), &BANDS);
+            let mut random = Random(3);
+            assert_eq!(blocker.judge(&random.hull(1.0), &random.hull(1.0), 8.0), Verdict::Clear);
+        }
+    }
 }

@@ -147,3 +147,55 @@ pub(super) fn misses_shaft(blocker: &Blocker, a: &[DVec3; 4], b: &[DVec3; 4], hu
         shaft.1 < surface.0 - slack || surface.1 < shaft.0 - slack
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::blocker::Bands;
+    use super::*;
+    use crate::geometry::{Ray, Shape, Surface};
+    use crate::tracers::brute_force::intersect_surface;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array)
+    }
+
+    fn cloud(size: f64) -> impl Strategy<Value = Vec<DVec3>> {
+        let offsets = prop::collection::vec(point(), 4);
+        (point(), offsets).prop_map(move |(o, v)| v.iter().map(|v| o + size * *v).collect())
+    }
+
+    proptest! {
+        #[test]
+        fn no_surface_that_blocks_is_culled(
+            triangles in prop::collection::vec((point(), point(), point()), 1..40),
+            a in cloud(0.2),
+            b in cloud(0.4),
+        ) {
+            let surfaces: Vec<Surface> = triangles
+                .iter()
+                .map(|(o, u, v)| Surface::new(Shape::Triangle([*o, *o + 0.5 * u, *o + 0.5 * v])))
+                .collect();
+            let bands = Bands { apart: 1e-6, slack: 4e-6, near: 8e-6 };
+            let blockers: Vec<Blocker> = surfaces.iter().map(|s| Blocker::new(s, &bands)).collect();
+            let tree = BlockerTree::new(&blockers);
+            let around = |p: &[DVec3]| Aabb::around(p.iter().copied());
+            let mut found = Vec::new();
+            tree.candidates(&blockers, &around(&a), &around(&b), &mut found);
+            prop_assert!(found.windows(2).all(|w| w[0] < w[1]));
+            let hull = around(&a).union(around(&b));
+            let corners = |p: &[DVec3]| [p[0], p[1], p[2], p[3]];
+            for from in &a {
+                for to in &b {
+                    let ray = Ray { origin: *from, direction: *to - *from, t_min: 1e-4, t_max: 1.0 - 1e-4 };
+                    for (k, surface) in surfaces.iter().enumerate() {
+                        if intersect_surface(&ray, surface).is_some() {
+                            prop_assert!(found.contains(&(k as u32)));
+                            prop_assert!(!misses_shaft(&blockers[k], &corners(&a), &corners(&b), &hull));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -227,9 +227,7 @@ impl Reader<'_> {
     }
 
     fn damaged(&self, how: &str) -> Error {
-        self.refused(&format!(
-            "the graph file is damaged ({how}); delete it and build the graph again"
-        ))
+        self.refused(&format!("the graph file is damaged ({how}); delete it and build the graph again"))
     }
 }
 

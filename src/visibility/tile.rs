@@ -88,12 +88,7 @@ impl<'a> PairWork<'a> {
             return work.result;
         }
         if build.settings.proofs {
-            build.tree.candidates(
-                &build.blockers,
-                &build.boxes[a],
-                &build.boxes[b],
-                &mut work.candidates,
-            );
+            build.tree.candidates(&build.blockers, &build.boxes[a], &build.boxes[b], &mut work.candidates);
         }
         let (first, second) = (&build.patches_of(a), &build.patches_of(b));
         for (k, from) in first.iter().enumerate() {

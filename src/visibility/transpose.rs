@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn every_bit_finds_its_place() {
         let mut random = 1u32;
-        for (rows, columns) in [(1, 1), (32, 32), (31, 33), (64, 5), (3, 100), (97, 130)] {
+        for (rows, columns) in [(1usize, 1usize), (32, 32), (31, 33), (64, 5), (3, 100), (97, 130)] {
             let stride = columns.div_ceil(32);
             let mut words = vec![0u32; rows * stride];
             for r in 0..rows {

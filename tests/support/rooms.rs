@@ -98,7 +98,8 @@ pub fn sample(geometry: &Geometry, max_area: f64, n: usize) -> SamplePoints {
     let bounds = geometry.bounds();
     let elements = divide_by_area(geometry, &Sampling::by_area(max_area));
     SamplePoints::new(geometry, &elements, n * n * n, |p| {
-        let cell = ((p - bounds.min) / bounds.size() * n as f64).clamp(DVec3::ZERO, DVec3::splat(n as f64 - 0.5));
+        let cell =
+            ((p - bounds.min) / bounds.size() * n as f64).clamp(DVec3::ZERO, DVec3::splat(n as f64 - 0.5));
         (cell.x as usize * n + cell.y as usize) * n + cell.z as usize
     })
 }
