@@ -213,7 +213,7 @@ impl Blocker {
             let hit = crosses & (s > slack) & (wa > near) & (wb > near);
             let unsure = crosses & (s >= -slack);
             hidden += u64::from(hit) & !states[j];
-            states[j] |= u64::from(hit) * HIDDEN | u64::from(unsure) * UNSURE;
+            states[j] |= (u64::from(hit) * HIDDEN) | (u64::from(unsure) * UNSURE);
         }
         hidden
     }

@@ -230,8 +230,8 @@ impl<'a> PairWork<'a> {
 
     /// Casts the `nth` undecided pair of the tile alone, to learn what blocks it.
     fn probe(&mut self, nth: usize, own: [Option<u32>; 2], length: f64) {
-        let undecided = (0..self.states.len()).filter(|&k| self.states[k] & HIDDEN == 0);
-        let Some(k) = undecided.skip(nth).next() else { return };
+        let mut undecided = (0..self.states.len()).filter(|&k| self.states[k] & HIDDEN == 0);
+        let Some(k) = undecided.nth(nth) else { return };
         self.result.stats.rays_cast += 1;
         self.states[k] |= ANSWERED;
         match self.build.tracer.blocker(&self.segment(k)) {
