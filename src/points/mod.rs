@@ -2,6 +2,7 @@
 //! the area of its element stands at the centre of each.
 
 mod cell;
+pub mod facing;
 mod neighbours;
 mod refine;
 mod subdivide;

@@ -1,5 +1,7 @@
 //! The graph as it is stored and read.
 
+use super::stats::GraphStats;
+use super::transpose::transpose;
 use crate::points::SamplePoints;
 
 /// What two voxels see of each other.
@@ -11,33 +13,6 @@ pub enum Edge {
     Hidden,
     /// A bit for every pair; the number is the first word of the tile.
     Partial(u64),
-}
-
-/// Counters of one build, as in the paper's Tables 1 and 2. Pairs are unordered.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct GraphStats {
-    /// Edges of each kind.
-    pub visible_edges: u64,
-    /// Edges of each kind.
-    pub hidden_edges: u64,
-    /// Edges of each kind.
-    pub partial_edges: u64,
-    /// Pairs of points that the partial edges hold a bit for.
-    pub pairs_stored: u64,
-    /// All unordered pairs of points: the visibility calls the graph answers.
-    pub pairs: u64,
-    /// Pairs decided because they lie on the same surface.
-    pub same_surface: u64,
-    /// Pairs decided because one or both face away.
-    pub not_facing: u64,
-    /// Facing pairs decided by a proof for all of a tile at once.
-    pub proved: u64,
-    /// Facing pairs found hidden by the last blocker (buf-int).
-    pub last_blocker: u64,
-    /// Facing pairs for which a ray was cast.
-    pub rays_cast: u64,
-    /// Wall time of the build, s.
-    pub build_s: f64,
 }
 
 /// h_ij for all pairs of sample points. Facing is geometric and not stored: a set bit says that
@@ -124,7 +99,7 @@ impl VisibilityGraph {
 
     /// Number of voxels.
     pub fn voxels(&self) -> usize {
-        self.starts.len() - 1
+        self.starts.len().saturating_sub(1)
     }
 
     /// The points of voxel `v`.
@@ -150,19 +125,8 @@ impl VisibilityGraph {
         if a <= b {
             return Tile::Bits { words: &self.words[first..first + rows * stride], stride };
         }
-        let stored = stride_of(rows);
-        scratch.clear();
-        scratch.resize(rows * stride, 0);
-        for c in 0..columns {
-            for (w, word) in self.words[first + c * stored..first + (c + 1) * stored].iter().enumerate() {
-                let mut rest = *word;
-                while rest != 0 {
-                    let r = 32 * w + rest.trailing_zeros() as usize;
-                    scratch[r * stride + c / 32] |= 1 << (c % 32);
-                    rest &= rest - 1;
-                }
-            }
-        }
+        let stored = &self.words[first..first + columns * stride_of(rows)];
+        transpose(stored, columns, rows, scratch);
         Tile::Bits { words: scratch, stride }
     }
 

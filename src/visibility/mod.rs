@@ -1,5 +1,20 @@
 //! The visibility graph (section 4.2): voxels are nodes, edges are pairs of voxels.
+//!
+//! [`VisibilityGraph::build`] decides every pair of sample points, most of them without a ray:
+//! points of one surface and points that face away first, then whole tiles of two planar patches
+//! by proofs, then the last blocker (the paper's buf-int) and the few surfaces that can block,
+//! and only what is left by the ray tracer.
 
+mod blocker;
+mod build;
+mod cull;
+mod file;
 mod graph;
+mod patch;
+mod stats;
+mod tile;
+mod transpose;
 
-pub use graph::{Edge, GraphStats, Tile, VisibilityGraph};
+pub use build::GraphSettings;
+pub use graph::{Edge, Tile, VisibilityGraph};
+pub use stats::{GraphStats, Tables};

@@ -1,0 +1,201 @@
+//! Building the graph: all pairs of voxels, in parallel.
+
+use super::blocker::{Bands, Blocker};
+use super::cull::BlockerTree;
+use super::graph::{Edge, VisibilityGraph, edge_index};
+use super::patch::Patch;
+use super::stats::GraphStats;
+use super::tile::{PairWork, VoxelPair};
+use crate::error::{Error, Result};
+use crate::geometry::Aabb;
+use crate::observer::Observer;
+use crate::points::SamplePoints;
+use crate::scene::Geometry;
+use crate::tracers::RayTracer;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// How to decide the pairs. The graph is the same for any settings but for pairs whose segment
+/// grazes an edge within rounding; they exist to check one way against another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraphSettings {
+    /// Decide whole tiles by proofs.
+    pub proofs: bool,
+    /// Where no more surfaces than this can block in a tile they are tested one by one instead of
+    /// casting rays; 0 leaves all to the tracer, as in the paper. Needs `proofs`.
+    pub direct_candidates: usize,
+}
+
+impl Default for GraphSettings {
+    fn default() -> Self {
+        GraphSettings { proofs: true, direct_candidates: 64 }
+    }
+}
+
+/// Edges decided between two joins of the threads: enough to share, few enough to hold.
+const CHUNK: usize = 4096;
+
+/// What all threads share while a graph is built.
+pub(super) struct Build<'a> {
+    pub points: &'a SamplePoints,
+    pub tracer: &'a dyn RayTracer,
+    pub settings: &'a GraphSettings,
+    pub bands: Bands,
+    /// By surface.
+    pub blockers: Vec<Blocker>,
+    pub tree: BlockerTree,
+    /// Around the points of each voxel.
+    pub boxes: Vec<Aabb>,
+    patches: Vec<Patch>,
+    patch_starts: Vec<usize>,
+}
+
+impl Build<'_> {
+    /// The patches of voxel `v`.
+    pub fn patches_of(&self, v: usize) -> &[Patch] {
+        &self.patches[self.patch_starts[v]..self.patch_starts[v + 1]]
+    }
+}
+
+impl VisibilityGraph {
+    /// Decides for all pairs of `points` whether they see each other (section 4.2.1).
+    ///
+    /// The same bits result from any number of threads. Progress is told in pairs of points.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when the points are not those of this geometry, or when there are so
+    /// many that memory does not hold the graph (N²/16 bytes, a little more for small voxels).
+    pub fn build(
+        geometry: &Geometry,
+        points: &SamplePoints,
+        tracer: &dyn RayTracer,
+        observer: &dyn Observer,
+    ) -> Result<VisibilityGraph> {
+        Self::build_with(geometry, points, tracer, &GraphSettings::default(), observer)
+    }
+
+    /// [`VisibilityGraph::build`] with other than the usual settings.
+    ///
+    /// # Errors
+    /// As [`VisibilityGraph::build`].
+    pub fn build_with(
+        geometry: &Geometry,
+        points: &SamplePoints,
+        tracer: &dyn RayTracer,
+        settings: &GraphSettings,
+        observer: &dyn Observer,
+    ) -> Result<VisibilityGraph> {
+        let start = Instant::now();
+        check(geometry, points)?;
+        let bands = Bands::new(geometry);
+        let blockers: Vec<Blocker> = geometry.surfaces.iter().map(|s| Blocker::new(s, &bands)).collect();
+        let (patches, patch_starts) = Patch::all(geometry, points);
+        let around = |v| Aabb::around(points.voxel(v).map(|i| points.position[i].as_dvec3()));
+        let build = Build {
+            points,
+            tracer,
+            settings,
+            bands,
+            tree: BlockerTree::new(&blockers),
+            blockers,
+            boxes: (0..points.voxels()).map(around).collect(),
+            patches,
+            patch_starts,
+        };
+
+        let n = points.len() as u64;
+        observer.begin("visibility graph", n * n.saturating_sub(1) / 2);
+        let graph = build.edges(observer);
+        observer.end();
+        let mut graph = graph?;
+        graph.stats.build_s = start.elapsed().as_secs_f64();
+        Ok(graph)
+    }
+}
+
+impl Build<'_> {
+    /// Decides all edges, in their order, a chunk at a time.
+    fn edges(&self, observer: &dyn Observer) -> Result<VisibilityGraph> {
+        let voxels = self.points.voxels();
+        let mut graph = VisibilityGraph {
+            starts: self.points.voxel_starts.clone(),
+            edges: Vec::new(),
+            words: Vec::new(),
+            key: self.points.key,
+            stats: GraphStats::default(),
+        };
+        let count = edge_index(0, voxels);
+        graph.edges.try_reserve_exact(count).map_err(|_| too_large(self.points))?;
+        let mut edges = (0..voxels).flat_map(|b| (0..=b).map(move |a| (a, b)));
+        loop {
+            let chunk: Vec<(usize, usize)> = edges.by_ref().take(CHUNK).collect();
+            if chunk.is_empty() {
+                break;
+            }
+            let decided: Vec<VoxelPair> = chunk
+                .par_iter()
+                .map(|&(a, b)| {
+                    let pair = PairWork::decide(self, a, b);
+                    observer.advance(pair.stats.pairs);
+                    pair
+                })
+                .collect();
+            for pair in decided {
+                graph.push(pair).map_err(|()| too_large(self.points))?;
+            }
+        }
+        graph.words.shrink_to_fit();
+        Ok(graph)
+    }
+}
+
+impl VisibilityGraph {
+    /// Adds the next edge; fails when memory is short.
+    fn push(&mut self, pair: VoxelPair) -> std::result::Result<(), ()> {
+        self.stats.add_pairs(&pair.stats);
+        let edge = if pair.seen == 0 {
+            self.stats.hidden_edges += 1;
+            Edge::Hidden
+        } else if pair.seen == pair.facing {
+            self.stats.visible_edges += 1;
+            Edge::Visible
+        } else {
+            self.stats.partial_edges += 1;
+            self.stats.pairs_stored += pair.stats.pairs;
+            self.words.try_reserve(pair.words.len()).map_err(|_| ())?;
+            let first = self.words.len() as u64;
+            self.words.extend_from_slice(&pair.words);
+            Edge::Partial(first)
+        };
+        self.edges.push(edge);
+        Ok(())
+    }
+}
+
+/// Refuses points that cannot have been sampled from `geometry`.
+fn check(geometry: &Geometry, points: &SamplePoints) -> Result<()> {
+    let n = points.len();
+    let ends = [points.voxel_starts.first(), points.voxel_starts.last()];
+    let same_geometry = points.surface.len() == n
+        && points.side.len() == n
+        && points.surface.iter().all(|s| s.index() < geometry.surfaces.len());
+    let ordered = points.voxel_starts.windows(2).all(|w| w[0] <= w[1])
+        && (ends == [Some(&0), Some(&(n as u32))] || (n == 0 && ends == [None, None]));
+    if same_geometry && ordered {
+        Ok(())
+    } else {
+        Err(Error::Settings(
+            "the sample points do not belong to this geometry: sample it again before building the graph"
+                .into(),
+        ))
+    }
+}
+
+fn too_large(points: &SamplePoints) -> Error {
+    let n = points.len() as f64;
+    Error::Settings(format!(
+        "not enough memory for the visibility graph of {n} sample points (about {:.1} GB): \
+         sample the scene more coarsely",
+        n * n / 16.0 / 1e9
+    ))
+}

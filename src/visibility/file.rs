@@ -1,0 +1,256 @@
+//! The graph on disk.
+//!
+//! Little-endian, in this order: the magic `LUXGRAPH`; the version (`u32`); the key of the sample
+//! points (32 bytes); the numbers of voxels, of words and of bytes of the statistics (`u64` each);
+//! the first point of each voxel and their number (`u32`); one byte for each edge (0 visible, 1
+//! hidden, 2 partial); the words of the partial edges in the order of the edges (`u32`); the
+//! statistics (JSON); and the BLAKE3 hash of all that (32 bytes). Where a partial edge's words
+//! begin follows from the sizes of the voxels, so no offset can be wrong.
+
+use super::graph::{Edge, VisibilityGraph, edge_index, stride_of};
+use super::stats::GraphStats;
+use crate::error::{Error, Result};
+use crate::points::SamplePoints;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+const MAGIC: &[u8; 8] = b"LUXGRAPH";
+const VERSION: u32 = 1;
+/// Magic, version, key and three sizes.
+const HEADER: u64 = 8 + 4 + 32 + 3 * 8;
+const HASH: u64 = 32;
+/// Words converted at a time.
+const BLOCK: usize = 1 << 14;
+
+impl VisibilityGraph {
+    /// Writes the graph to `path`. It is written under another name in the same folder first, so
+    /// that `path` never holds half a graph.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the folder cannot be written or the disk is full.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let name = path.file_name().ok_or_else(|| Error::io(path, "not the name of a file"))?;
+        let mut part = name.to_os_string();
+        part.push(format!(".{}.part", std::process::id()));
+        let part = path.with_file_name(part);
+        let written = self.write(&part).and_then(|()| std::fs::rename(&part, path));
+        written.map_err(|e| {
+            // What is left of the attempt is of no use; that it cannot be removed is no news.
+            let _ = std::fs::remove_file(&part);
+            Error::io(path, e)
+        })
+    }
+
+    fn write(&self, path: &Path) -> io::Result<()> {
+        let stats = serde_json::to_vec(&self.stats)?;
+        let mut out = Hashed::new(BufWriter::new(File::create(path)?));
+        let words: usize = (0..self.voxels()).map(|b| self.words_of_edges_to(b)).sum();
+        out.put(MAGIC)?;
+        out.put(&VERSION.to_le_bytes())?;
+        out.put(&self.key)?;
+        for size in [self.voxels() as u64, words as u64, stats.len() as u64] {
+            out.put(&size.to_le_bytes())?;
+        }
+        out.put_words(&self.starts)?;
+        let kinds: Vec<u8> = self.edges.iter().map(|e| kind_of(*e)).collect();
+        out.put(&kinds)?;
+        for b in 0..self.voxels() {
+            for a in 0..=b {
+                if let Edge::Partial(first) = self.edge(a, b) {
+                    let first = first as usize;
+                    out.put_words(&self.words[first..first + self.tile_words(a, b)])?;
+                }
+            }
+        }
+        out.put(&stats)?;
+        let hash = *out.hasher.finalize().as_bytes();
+        let mut file = out.inner;
+        file.write_all(&hash)?;
+        file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+    }
+
+    /// Reads a graph that [`VisibilityGraph::save`] wrote for the same `points`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be read; [`Error::Graph`] when it is no graph, damaged,
+    /// of another version, or of another scene or sampling.
+    pub fn load(path: impl AsRef<Path>, points: &SamplePoints) -> Result<VisibilityGraph> {
+        let path = path.as_ref();
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
+        Reader { path, input: Hashed::new(BufReader::new(file)), length }.graph(points)
+    }
+
+    /// Words of the tile of voxels `a <= b`.
+    fn tile_words(&self, a: usize, b: usize) -> usize {
+        self.voxel(a).len() * stride_of(self.voxel(b).len())
+    }
+
+    /// Words of all partial edges between `b` and voxels up to it.
+    fn words_of_edges_to(&self, b: usize) -> usize {
+        let partial = |a: &usize| matches!(self.edge(*a, b), Edge::Partial(_));
+        (0..=b).filter(partial).map(|a| self.tile_words(a, b)).sum()
+    }
+}
+
+fn kind_of(edge: Edge) -> u8 {
+    match edge {
+        Edge::Visible => 0,
+        Edge::Hidden => 1,
+        Edge::Partial(_) => 2,
+    }
+}
+
+/// Hashes all that passes.
+struct Hashed<T> {
+    inner: T,
+    hasher: blake3::Hasher,
+}
+
+impl<T> Hashed<T> {
+    fn new(inner: T) -> Self {
+        Hashed { inner, hasher: blake3::Hasher::new() }
+    }
+}
+
+impl<T: Write> Hashed<T> {
+    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.hasher.update(bytes);
+        self.inner.write_all(bytes)
+    }
+
+    fn put_words(&mut self, words: &[u32]) -> io::Result<()> {
+        let mut bytes = Vec::with_capacity(4 * words.len().min(BLOCK));
+        for block in words.chunks(BLOCK) {
+            bytes.clear();
+            bytes.extend(block.iter().flat_map(|w| w.to_le_bytes()));
+            self.put(&bytes)?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads and doubts.
+struct Reader<'a> {
+    path: &'a Path,
+    input: Hashed<BufReader<File>>,
+    /// Of the file, bytes.
+    length: u64,
+}
+
+impl Reader<'_> {
+    fn graph(mut self, points: &SamplePoints) -> Result<VisibilityGraph> {
+        if self.length < HEADER + HASH {
+            return Err(self.damaged("it is too short"));
+        }
+        if self.array::<8>()? != *MAGIC {
+            return Err(self.refused("this is not a visibility graph; name another file"));
+        }
+        let version = u32::from_le_bytes(self.array()?);
+        if version != VERSION {
+            return Err(self.refused(&format!(
+                "the graph has format version {version}, this program reads version {VERSION}; \
+                 delete the file and build the graph again"
+            )));
+        }
+        let key = self.array()?;
+        let [voxels, words, stats] = [self.size()?, self.size()?, self.size()?];
+        // Sizes are checked against the file before anything is allocated for them.
+        let edges = voxels.checked_add(1).and_then(|v| voxels.checked_mul(v)).map(|e| e / 2);
+        let total = edges.and_then(|edges| {
+            let starts = voxels.checked_add(1)?.checked_mul(4)?;
+            let words = words.checked_mul(4)?;
+            [starts, edges, words, stats, HASH].iter().try_fold(HEADER, |t, s| t.checked_add(*s))
+        });
+        if total != Some(self.length) {
+            return Err(self.damaged("its length is not what its header says"));
+        }
+        if key != points.key {
+            return Err(self.refused(
+                "the graph was built for another geometry or sampling; build it again for this scene, \
+                 or name the scene it belongs to",
+            ));
+        }
+        let starts = self.words(voxels as usize + 1)?;
+        let kinds = self.bytes(edges.unwrap_or(0) as usize)?;
+        let bits = self.words(words as usize)?;
+        let stats = self.bytes(stats as usize)?;
+        let hash = *self.input.hasher.finalize().as_bytes();
+        if self.array::<32>()? != hash {
+            return Err(self.damaged("its checksum does not match"));
+        }
+        // From here on only a file that was made to deceive can be wrong, and it must not panic.
+        if starts != points.voxel_starts {
+            return Err(self.damaged("its voxels are not those of the sample points"));
+        }
+        let Ok(stats) = serde_json::from_slice::<GraphStats>(&stats) else {
+            return Err(self.damaged("its statistics cannot be read"));
+        };
+        let mut graph = VisibilityGraph { starts, edges: Vec::new(), words: bits, key, stats };
+        if !graph.place_edges(&kinds) {
+            return Err(self.damaged("its edges do not fit its bits"));
+        }
+        Ok(graph)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
+        let mut bytes = [0; N];
+        self.input.inner.read_exact(&mut bytes).map_err(|e| Error::io(self.path, e))?;
+        self.input.hasher.update(&bytes);
+        Ok(bytes)
+    }
+
+    fn size(&mut self) -> Result<u64> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    fn bytes(&mut self, count: usize) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; count];
+        self.input.inner.read_exact(&mut bytes).map_err(|e| Error::io(self.path, e))?;
+        self.input.hasher.update(&bytes);
+        Ok(bytes)
+    }
+
+    fn words(&mut self, count: usize) -> Result<Vec<u32>> {
+        let mut words = Vec::with_capacity(count);
+        while words.len() < count {
+            let block = self.bytes(4 * (count - words.len()).min(BLOCK))?;
+            words.extend(block.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+        }
+        Ok(words)
+    }
+
+    fn refused(&self, message: &str) -> Error {
+        Error::Graph { path: PathBuf::from(self.path), message: message.into() }
+    }
+
+    fn damaged(&self, how: &str) -> Error {
+        self.refused(&format!("the graph file is damaged ({how}); delete it and build the graph again"))
+    }
+}
+
+impl VisibilityGraph {
+    /// Makes edges of their kinds; their bits follow one another. False when they do not fit.
+    fn place_edges(&mut self, kinds: &[u8]) -> bool {
+        let mut next = 0usize;
+        let voxels = self.voxels();
+        self.edges.reserve_exact(kinds.len());
+        for b in 0..voxels {
+            for a in 0..=b {
+                self.edges.push(match kinds[edge_index(a, b)] {
+                    0 => Edge::Visible,
+                    1 => Edge::Hidden,
+                    2 => {
+                        let first = next as u64;
+                        next += self.tile_words(a, b);
+                        Edge::Partial(first)
+                    }
+                    _ => return false,
+                });
+            }
+        }
+        next == self.words.len()
+    }
+}
