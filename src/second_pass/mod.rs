@@ -1,5 +1,10 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
+mod chart;
+pub mod interpolate;
+mod lattice;
+mod stencil;
+
 use crate::spectrum::Wavelengths;
 
 /// Radiance through every pixel.
