@@ -3,7 +3,7 @@
 mod camera;
 mod sampled;
 
-pub use camera::Camera;
+pub use camera::{Camera, View};
 pub use sampled::SampledAppearance;
 
 use crate::geometry::{Aabb, Surface, SurfaceId};

@@ -98,6 +98,16 @@ impl Interpolator {
         }
     }
 
+    /// Number of sample points.
+    pub fn len(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.elements.is_empty()
+    }
+
     /// Works out the radiance of all nodes for `solution`, which must have one spectrum for
     /// every sample point.
     ///

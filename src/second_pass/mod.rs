@@ -3,7 +3,16 @@
 mod chart;
 pub mod interpolate;
 mod lattice;
+mod lobe;
+mod render;
+mod scatter;
+mod settings;
 mod stencil;
+mod wave;
+
+pub use interpolate::{DiffuseField, Interpolator};
+pub use render::{LitScene, render};
+pub use settings::{Passes, SecondPassSettings, SecondPassStats};
 
 use crate::spectrum::Wavelengths;
 

@@ -1,0 +1,114 @@
+//! Spectral images as colours.
+
+use crate::second_pass::SpectralImage;
+
+/// Luminous efficacy K_m, lm/W.
+const LUMENS_PER_WATT: f64 = 683.0;
+
+/// XYZ to linear RGB with the primaries of Rec. 709 and white D65 (IEC 61966-2-1, with the digits
+/// of its amendment 1).
+const XYZ_TO_RGB: [[f64; 3]; 3] = [
+    [3.240_625_5, -1.537_208_0, -0.498_628_6],
+    [-0.968_930_7, 1.875_756_1, 0.041_517_5],
+    [0.055_710_1, -0.204_021_1, 1.056_995_9],
+];
+
+/// Luminance of each primary: the middle row of the inverse of that matrix.
+pub(super) const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Linear RGB (primaries of Rec. 709, white D65), scaled so that the luminance of (1, 1, 1) is
+/// 1 cd m⁻². Colours outside the gamut have negative components.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearImage {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `[height][width][3]`, from the top left.
+    pub rgb: Vec<f32>,
+}
+
+impl LinearImage {
+    /// Luminance of a pixel (row by row from the top left), cd m⁻².
+    pub fn luminance(&self, pixel: usize) -> f64 {
+        (0..3).map(|c| LUMINANCE[c] * f64::from(self.rgb[3 * pixel + c])).sum()
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.rgb.len() / 3
+    }
+}
+
+impl SpectralImage {
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.radiance.len() / self.wavelengths.len().max(1)
+    }
+
+    /// Radiance of a pixel (row by row from the top left), W m⁻² sr⁻¹ nm⁻¹, `[W]`.
+    pub fn spectrum(&self, pixel: usize) -> &[f32] {
+        let w = self.wavelengths.len();
+        &self.radiance[pixel * w..(pixel + 1) * w]
+    }
+
+    /// CIE 1931 X, Y, Z of a pixel; Y is its luminance, cd m⁻².
+    pub fn xyz(&self, pixel: usize) -> [f64; 3] {
+        let mut xyz = [0.0; 3];
+        for (l, weights) in self.spectrum(pixel).iter().zip(&self.wavelengths.xyz_weights) {
+            for (sum, weight) in xyz.iter_mut().zip(weights) {
+                *sum += LUMENS_PER_WATT * weight * f64::from(*l);
+            }
+        }
+        xyz
+    }
+
+    /// The image as linear RGB, out-of-gamut colours as they are.
+    pub fn to_linear(&self) -> LinearImage {
+        let mut rgb = Vec::with_capacity(3 * self.pixels());
+        for pixel in 0..self.pixels() {
+            let xyz = self.xyz(pixel);
+            for row in XYZ_TO_RGB {
+                let c: f64 = row.iter().zip(xyz).map(|(m, x)| m * x).sum();
+                rgb.push(c as f32);
+            }
+        }
+        LinearImage { width: self.width, height: self.height, rgb }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectrum::Wavelengths;
+
+    fn image(xyz_weights: Vec<[f64; 3]>, radiance: Vec<f32>) -> SpectralImage {
+        let n = xyz_weights.len();
+        let wavelengths = Wavelengths { nm: vec![500.0; n], bands: vec![[500.0; 2]; n], xyz_weights };
+        SpectralImage { width: (radiance.len() / n) as u32, height: 1, wavelengths, radiance }
+    }
+
+    #[test]
+    fn white_is_grey_and_luminance_is_absolute() {
+        // Two wavelengths that together are D65 of 200 cd/m2.
+        let weights = vec![[0.95047 * 0.3, 0.8, 0.2], [0.95047 * 0.7, 0.2, 1.08883 - 0.2]];
+        let image = image(weights, vec![200.0 / 683.0; 2]);
+        assert!((image.xyz(0)[1] - 200.0).abs() < 1e-4);
+        let linear = image.to_linear();
+        for c in &linear.rgb {
+            assert!((c - 200.0).abs() < 0.02, "{:?}", linear.rgb);
+        }
+        assert!((linear.luminance(0) - 200.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn luminance_survives_for_saturated_colours() {
+        let image = image(vec![[0.1, 0.9, 0.05]], vec![1.0, 0.01]);
+        let linear = image.to_linear();
+        assert!(linear.rgb.iter().any(|c| *c < 0.0), "out of gamut");
+        for pixel in 0..2 {
+            let y = image.xyz(pixel)[1];
+            assert!((linear.luminance(pixel) - y).abs() < 2e-4 * y);
+        }
+    }
+}
