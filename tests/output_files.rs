@@ -52,11 +52,9 @@ fn exr_holds_the_spectra_and_states_its_units() {
     let y: Vec<f32> = (0..image.pixels()).map(|p| image.xyz(p)[1] as f32).collect();
     assert_eq!(channel("CIE.Y"), y);
     assert_eq!(file.layer_data.attributes.white_luminance, Some(1.0));
-    let shared = &file.attributes.other;
-    let own = &file.layer_data.attributes.other;
-    assert!(
-        shared.keys().any(|k| k.eq("spectralLayoutVersion")) && own.keys().any(|k| k.eq("emissiveUnits"))
-    );
+    let attributes = [&file.attributes.other, &file.layer_data.attributes.other];
+    let has = |name: &str| attributes.iter().any(|a| a.keys().any(|k| k.eq(name)));
+    assert!(has("spectralLayoutVersion") && has("emissiveUnits"));
 
     exr::write(&path, &image, &exr::ExrOptions::default()).unwrap();
     let plain = ::exr::prelude::read_first_flat_layer_from_file(&path).unwrap();

@@ -150,6 +150,7 @@ impl Job<'_> {
                     let [dx, dy, ..] = sobol_burley::sample_4d(index, 0, film.seeds[pixel]);
                     let ray = self.view.ray(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
                     let path = Path {
+                        start: ray.origin,
                         pixel: pixel as u32,
                         index,
                         depth: 0,

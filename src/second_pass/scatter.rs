@@ -109,10 +109,10 @@ impl<'a> Scatterer<'a> {
     ) {
         let surface = self.geometry.surface(hit.surface);
         let material = self.appearance.of(hit.surface);
-        self.absorb(material, hit, path.medium, throughput);
         let n = if hit.side == Side::Front { surface.normal } else { -surface.normal };
         let met = ray.at(hit.t);
         let position = met - surface.distance(met) * surface.normal;
+        self.absorb(material, hit.side, &path, position, throughput);
 
         let glass = material.transmission.is_some();
         if hit.side == Side::Back && !glass && !self.geometry.two_sided[hit.surface.index()] {
@@ -156,15 +156,16 @@ impl<'a> Scatterer<'a> {
 
     /// Beer-Lambert along a segment inside a solid: the one the path entered, or, for a path
     /// that began inside, the one whose back it meets.
-    fn absorb(&self, met: &SampledMaterial, hit: &Hit, medium: u32, throughput: &mut [f32]) {
-        let inside = match self.appearance.materials.get(medium as usize) {
+    fn absorb(&self, met: &SampledMaterial, side: Side, path: &Path, end: DVec3, throughput: &mut [f32]) {
+        let inside = match self.appearance.materials.get(path.medium as usize) {
             Some(entered) => entered,
-            None if hit.side == Side::Back => met,
+            None if side == Side::Back => met,
             None => return,
         };
         if let Some(Transmission::Solid { absorption, .. }) = &inside.transmission {
+            let length = path.start.distance(end);
             for (t, a) in throughput.iter_mut().zip(absorption) {
-                *t *= (-f64::from(*a) * hit.t).exp() as f32;
+                *t *= (-f64::from(*a) * length).exp() as f32;
             }
         }
     }
@@ -296,7 +297,7 @@ impl<'a> Scatterer<'a> {
             return false;
         }
         let ray = Ray { origin: at.position + at.offset * at.n, direction, t_min: 0.0, t_max: f64::INFINITY };
-        let path = Path { depth: at.path.depth + 1, ..at.path };
+        let path = Path { start: at.position, depth: at.path.depth + 1, ..at.path };
         next.push(ray, path, throughput.iter().map(|t| t / survival));
         true
     }

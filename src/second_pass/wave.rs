@@ -1,6 +1,7 @@
 //! Paths that are traced together: all of a tile, one event after the other.
 
 use crate::geometry::Ray;
+use glam::DVec3;
 
 /// No solid around a path.
 pub const NO_MEDIUM: u32 = u32::MAX;
@@ -8,6 +9,8 @@ pub const NO_MEDIUM: u32 = u32::MAX;
 /// A path but for its ray and throughput.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
+    /// Where the segment leaves its surface; the ray itself starts a little above, m.
+    pub start: DVec3,
     /// Pixel within the tile.
     pub pixel: u32,
     /// Which point of the pixel's Sobol' sequence it follows.
