@@ -90,8 +90,9 @@ mod tests {
 
     #[test]
     fn white_is_grey_and_luminance_is_absolute() {
-        // Two wavelengths that together are D65 of 200 cd/m2.
-        let weights = vec![[0.95047 * 0.3, 0.8, 0.2], [0.95047 * 0.7, 0.2, 1.08883 - 0.2]];
+        // Two wavelengths that together are 200 cd/m2 of the white of Rec. 709, x 0.3127, y 0.3290.
+        let (x, z) = (0.3127 / 0.3290, (1.0 - 0.3127 - 0.3290) / 0.3290);
+        let weights = vec![[x * 0.3, 0.8, 0.2], [x * 0.7, 0.2, z - 0.2]];
         let image = image(weights, vec![200.0 / 683.0; 2]);
         assert!((image.xyz(0)[1] - 200.0).abs() < 1e-4);
         let linear = image.to_linear();

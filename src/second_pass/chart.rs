@@ -72,7 +72,7 @@ impl Chart {
 
 /// Into 0..1; what is not a number becomes 0.
 fn clamp_unit(x: f64) -> f64 {
-    x.max(0.0).min(1.0)
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
 
 #[cfg(test)]
