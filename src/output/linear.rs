@@ -5,16 +5,16 @@ use crate::second_pass::SpectralImage;
 /// Luminous efficacy K_m, lm/W.
 const LUMENS_PER_WATT: f64 = 683.0;
 
-/// XYZ to linear RGB with the primaries of Rec. 709 and white D65 (IEC 61966-2-1, with the digits
-/// of its amendment 1).
+/// XYZ to linear RGB with the primaries of Rec. 709 and white at x = 0.3127, y = 0.3290 (D65). Derived
+/// from these chromaticities; the four digits of IEC 61966-2-1 would tint white by 2e-4.
 const XYZ_TO_RGB: [[f64; 3]; 3] = [
-    [3.240_625_5, -1.537_208_0, -0.498_628_6],
-    [-0.968_930_7, 1.875_756_1, 0.041_517_5],
-    [0.055_710_1, -0.204_021_1, 1.056_995_9],
+    [3.240_969_941_905, -1.537_383_177_570, -0.498_610_760_293],
+    [-0.969_243_636_281, 1.875_967_501_508, 0.041_555_057_407],
+    [0.055_630_079_697, -0.203_976_958_889, 1.056_971_514_243],
 ];
 
 /// Luminance of each primary: the middle row of the inverse of that matrix.
-pub(super) const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+pub(super) const LUMINANCE: [f64; 3] = [0.212_639_005_872, 0.715_168_678_768, 0.072_192_315_361];
 
 /// Linear RGB (primaries of Rec. 709, white D65), scaled so that the luminance of (1, 1, 1) is
 /// 1 cd m⁻². Colours outside the gamut have negative components.
