@@ -75,9 +75,10 @@ fn decode(path: &Path) -> (Vec<u8>, Vec<(String, String)>) {
 fn png_is_exposed_as_asked_and_says_so() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("grey.png");
-    // D65 of 50 cd/m2 at every pixel: half of full white at EV 0, sRGB code 188.
+    // White of 50 cd/m2 (x 0.3127, y 0.3290) at every pixel: half of full white at EV 0, sRGB code 188.
     let mut image = image();
-    image.wavelengths.xyz_weights = vec![[0.95047, 1.0, 1.08883], [0.0; 3], [0.0; 3], [0.0; 3]];
+    image.wavelengths.xyz_weights =
+        vec![[0.3127 / 0.3290, 1.0, 0.3583 / 0.3290], [0.0; 3], [0.0; 3], [0.0; 3]];
     image.radiance.fill(50.0 / 683.0);
     assert_eq!(png::write(&path, &image, Exposure::Ev(0.0)).unwrap(), 0.0);
     let (data, texts) = decode(&path);
