@@ -1,1 +1,10 @@
-//! Images to files.
+//! Images to files, and images against images.
+
+mod atomic;
+mod compare;
+pub mod exr;
+mod linear;
+pub mod png;
+
+pub use compare::{Difference, compare};
+pub use linear::LinearImage;

@@ -14,7 +14,7 @@ mod spectra;
 mod suggest;
 mod surfaces;
 
-pub use camera::Camera;
+pub use camera::{Camera, View};
 pub use load::{SceneDescription, load, load_with_changes};
 pub use sampled::SampledAppearance;
 

@@ -1,5 +1,19 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
+mod chart;
+pub mod interpolate;
+mod lattice;
+mod lobe;
+mod render;
+mod scatter;
+mod settings;
+mod stencil;
+mod wave;
+
+pub use interpolate::{DiffuseField, Interpolator};
+pub use render::{LitScene, render};
+pub use settings::{Passes, SecondPassSettings, SecondPassStats};
+
 use crate::spectrum::Wavelengths;
 
 /// Radiance through every pixel.

@@ -1,0 +1,210 @@
+//! The view: tiles of pixels, each the work of one task.
+
+use super::SpectralImage;
+use super::interpolate::Interpolator;
+use super::scatter::{Film, Scatterer};
+use super::settings::{SecondPassSettings, SecondPassStats};
+use super::wave::{NO_MEDIUM, Path, Wave};
+use crate::error::{Error, Result};
+use crate::first_pass::DiffuseSolution;
+use crate::geometry::Hit;
+use crate::observer::Observer;
+use crate::scene::{Camera, Geometry, SampledAppearance, View};
+use crate::tracers::RayTracer;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Pixels along the edge of a tile.
+const TILE: usize = 16;
+
+/// Pixel samples of a tile that are traced together, at most: enough to feed a tracer with
+/// packets, few enough to stay in the cache.
+const BATCH: usize = 4096;
+
+/// A scene whose diffuse light is known.
+#[derive(Clone, Copy)]
+pub struct LitScene<'a> {
+    /// Its shapes.
+    pub geometry: &'a Geometry,
+    /// Its sample points, ready for interpolation; serves every appearance and camera.
+    pub interpolator: &'a Interpolator,
+    /// Its materials.
+    pub appearance: &'a SampledAppearance,
+    /// L^d of its sample points.
+    pub solution: &'a DiffuseSolution,
+}
+
+/// Renders what `camera` sees by distributed ray tracing (section 3.4).
+///
+/// At every hit the radiance is L^d, interpolated, plus the specular light that the path goes on
+/// to find. No ray is sent towards lights: L^d has their light already. Rays that meet nothing
+/// bring none. Surfaces seen from a side that has no sample points are black and block, but for glass.
+///
+/// The image has the same bits for any number of threads. Errors: [`Error::Settings`] for settings
+/// or a camera that cannot be used, [`Error::Numerical`] for a solution that is not finite or does
+/// not fit the sample points or the appearance.
+pub fn render(
+    scene: &LitScene,
+    camera: &Camera,
+    tracer: &dyn RayTracer,
+    settings: &SecondPassSettings,
+    observer: &dyn Observer,
+) -> Result<(SpectralImage, SecondPassStats)> {
+    let start = Instant::now();
+    settings.check()?;
+    camera.check()?;
+    check_solution(scene)?;
+
+    let field = scene.interpolator.field(scene.solution);
+    let scatterer = Scatterer::new(scene.geometry, scene.appearance, &field, settings);
+    let w = scene.solution.wavelengths.len();
+    let [width, height] = camera.resolution.map(|x| x as usize);
+    let job = Job { scatterer, tracer, view: camera.view(scene.geometry.centre), width, height, w };
+    let columns = width.div_ceil(TILE);
+    observer.begin("second pass", (columns * height.div_ceil(TILE)) as u64);
+
+    let mut radiance = vec![0.0f32; width * height * w];
+    let bands: Vec<Vec<SecondPassStats>> = radiance
+        .par_chunks_mut(TILE * width * w)
+        .enumerate()
+        .map(|(band, rows)| {
+            let tiles: Vec<Film> = (0..columns)
+                .into_par_iter()
+                .map(|column| {
+                    let film = job.tile(column, band);
+                    observer.advance(1);
+                    film
+                })
+                .collect();
+            for (column, film) in tiles.iter().enumerate() {
+                job.copy(film, column, rows);
+            }
+            tiles.into_iter().map(|film| film.stats).collect()
+        })
+        .collect();
+    observer.end();
+
+    let mut stats = SecondPassStats::default();
+    bands.iter().flatten().for_each(|tile| stats.add(tile));
+    stats.cut_share /= stats.camera_rays.max(1) as f64;
+    stats.second_pass_s = start.elapsed().as_secs_f64();
+    let [width, height] = camera.resolution;
+    Ok((SpectralImage { width, height, wavelengths: scene.solution.wavelengths.clone(), radiance }, stats))
+}
+
+fn check_solution(scene: &LitScene) -> Result<()> {
+    let refuse = |what: &str| Err(Error::Numerical(format!("second pass: {what}")));
+    let (solution, appearance) = (scene.solution, scene.appearance);
+    if solution.wavelengths.is_empty() || solution.wavelengths != appearance.wavelengths {
+        return refuse("the solution and the appearance are not sampled at the same wavelengths");
+    }
+    if solution.radiance.len() != scene.interpolator.len() * solution.wavelengths.len() {
+        return refuse("the solution does not belong to these sample points");
+    }
+    if appearance.surface_material.len() != scene.geometry.surfaces.len() {
+        return refuse("the appearance does not belong to this geometry");
+    }
+    if !solution.radiance.iter().all(|l| l.is_finite()) {
+        return refuse("the solution of the first pass is not finite");
+    }
+    Ok(())
+}
+
+/// What every tile needs to know.
+struct Job<'a> {
+    scatterer: Scatterer<'a>,
+    tracer: &'a dyn RayTracer,
+    view: View,
+    width: usize,
+    height: usize,
+    w: usize,
+}
+
+impl Job<'_> {
+    /// First column and row of a tile, and how many there are of each.
+    fn extent(&self, column: usize, band: usize) -> ([usize; 2], [usize; 2]) {
+        let low = [column * TILE, band * TILE];
+        (low, [TILE.min(self.width - low[0]), TILE.min(self.height - low[1])])
+    }
+
+    /// Renders one tile.
+    fn tile(&self, column: usize, band: usize) -> Film {
+        let (low, [columns, rows]) = self.extent(column, band);
+        let settings = self.scatterer.settings;
+        let pixels = columns * rows;
+        let place = |pixel: usize| (low[0] + pixel % columns, low[1] + pixel / columns);
+        let seeds = (0..pixels)
+            .map(|p| {
+                let (x, y) = place(p);
+                mix((y * self.width + x) as u32 ^ mix(settings.seed))
+            })
+            .collect();
+        let mut film = Film::new(seeds, self.w);
+        let (mut wave, mut next, mut hits) = (Wave::default(), Wave::default(), Vec::new());
+        let samples = (BATCH / pixels).max(1) as u32;
+        for first in (0..settings.samples).step_by(samples as usize) {
+            wave.clear();
+            for pixel in 0..pixels {
+                let (x, y) = place(pixel);
+                for index in first..settings.samples.min(first + samples) {
+                    let [dx, dy, ..] = sobol_burley::sample_4d(index, 0, film.seeds[pixel]);
+                    let ray = self.view.ray(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
+                    let path = Path {
+                        start: ray.origin,
+                        pixel: pixel as u32,
+                        index,
+                        depth: 0,
+                        splits: 0,
+                        glossy: false,
+                        medium: NO_MEDIUM,
+                    };
+                    wave.push(ray, path, std::iter::repeat_n(1.0, self.w));
+                }
+            }
+            film.stats.camera_rays += wave.rays.len() as u64;
+            // Every wave is one specular event deeper, so this ends at the depth limit.
+            while !wave.rays.is_empty() {
+                hits.clear();
+                hits.resize(wave.rays.len(), None);
+                self.advance(&mut wave, &mut hits, &mut film, &mut next);
+                std::mem::swap(&mut wave, &mut next);
+            }
+        }
+        for sum in &mut film.radiance {
+            *sum /= f64::from(settings.samples);
+        }
+        film
+    }
+
+    /// Traces all rays of `wave` and fills `next` with those that follow.
+    fn advance(&self, wave: &mut Wave, hits: &mut [Option<Hit>], film: &mut Film, next: &mut Wave) {
+        next.clear();
+        self.tracer.closest_batch(&wave.rays, hits);
+        let throughputs = wave.throughput.chunks_exact_mut(self.w);
+        for (((ray, path), hit), throughput) in wave.rays.iter().zip(&wave.paths).zip(hits).zip(throughputs) {
+            match hit {
+                Some(hit) => self.scatterer.meet(ray, hit, *path, throughput, film, next),
+                None => film.stats.missed_rays += 1,
+            }
+        }
+    }
+
+    /// Copies a tile into the rows of its band.
+    fn copy(&self, film: &Film, column: usize, band: &mut [f32]) {
+        let start = column * TILE;
+        let columns = TILE.min(self.width - start);
+        for (row, pixels) in film.radiance.chunks_exact(columns * self.w).enumerate() {
+            let to = (row * self.width + start) * self.w;
+            for (out, sum) in band[to..to + pixels.len()].iter_mut().zip(pixels) {
+                *out = *sum as f32;
+            }
+        }
+    }
+}
+
+/// Scatters the bits of a number (the finaliser of MurmurHash3).
+fn mix(mut x: u32) -> u32 {
+    x = (x ^ x >> 16).wrapping_mul(0x85eb_ca6b);
+    x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
+    x ^ x >> 16
+}

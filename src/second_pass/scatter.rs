@@ -1,0 +1,329 @@
+//! What becomes of a path where it meets a surface.
+
+use super::interpolate::DiffuseField;
+use super::lobe::{lobe_weight, reflect, refract, sample_beckmann};
+use super::settings::{Passes, SecondPassSettings, SecondPassStats};
+use super::wave::{NO_MEDIUM, Path, Wave};
+use crate::geometry::{Hit, Ray, Side};
+use crate::material::{SampledMaterial, Transmission};
+use crate::scene::{Geometry, SampledAppearance};
+use glam::DVec3;
+
+/// Events at glass at which both branches are followed; later ones follow one by chance.
+const SPLITS: u32 = 2;
+
+/// The parts of a render that all tiles share.
+pub(super) struct Scatterer<'a> {
+    pub geometry: &'a Geometry,
+    pub appearance: &'a SampledAppearance,
+    pub field: &'a DiffuseField<'a>,
+    pub settings: &'a SecondPassSettings,
+    /// How far above a surface rays start, by surface, m.
+    offset: Vec<f64>,
+    /// Share of each wavelength in the brightness by which paths are chosen, sum 1.
+    brightness: Vec<f32>,
+}
+
+/// Where a tile gathers its light, and room to work in.
+pub(super) struct Film {
+    /// Sum over the samples, `[pixels][W]`.
+    pub radiance: Vec<f64>,
+    /// Counts of the tile.
+    pub stats: SecondPassStats,
+    /// Sobol' seed of each pixel.
+    pub seeds: Vec<u32>,
+    value: Vec<f32>,
+    reflected: Vec<f32>,
+    transmitted: Vec<f32>,
+}
+
+impl Film {
+    /// An unlit film of `pixels` with `w` wavelengths.
+    pub fn new(seeds: Vec<u32>, w: usize) -> Self {
+        Film {
+            radiance: vec![0.0; seeds.len() * w],
+            stats: SecondPassStats::default(),
+            seeds,
+            value: vec![0.0; w],
+            reflected: vec![0.0; w],
+            transmitted: vec![0.0; w],
+        }
+    }
+}
+
+/// A place on a surface as a path meets it.
+struct Meeting {
+    position: DVec3,
+    /// Towards where the path comes from, unit.
+    i: DVec3,
+    /// Unit normal on the side met.
+    n: DVec3,
+    cos: f64,
+    side: Side,
+    /// How far above the surface the path goes on, m; negative on the other side.
+    offset: f64,
+    /// Index of the surface's material.
+    material: u32,
+    path: Path,
+    /// Uniform numbers of this event, in [0, 1): lobe (2), branch, roulette.
+    u: [f32; 4],
+}
+
+impl<'a> Scatterer<'a> {
+    pub fn new(
+        geometry: &'a Geometry,
+        appearance: &'a SampledAppearance,
+        field: &'a DiffuseField<'a>,
+        settings: &'a SecondPassSettings,
+    ) -> Self {
+        // A few steps of the f32 lattice, and what a quad that is not quite flat strays from
+        // its plane.
+        let offset = geometry
+            .surfaces
+            .iter()
+            .map(|s| {
+                let warp = s.vertices().iter().map(|v| s.distance(*v).abs()).fold(0.0, f64::max);
+                4.0 * geometry.plane_tolerance() + warp
+            })
+            .collect();
+        Scatterer {
+            geometry,
+            appearance,
+            field,
+            settings,
+            offset,
+            brightness: brightness(&appearance.wavelengths.xyz_weights),
+        }
+    }
+
+    /// Adds what the path sees at `hit` to the film and what it sends on to `next`. `ray` is
+    /// unit; `throughput` is spent.
+    pub fn meet(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        path: Path,
+        throughput: &mut [f32],
+        film: &mut Film,
+        next: &mut Wave,
+    ) {
+        let surface = self.geometry.surface(hit.surface);
+        let material = self.appearance.of(hit.surface);
+        let n = if hit.side == Side::Front { surface.normal } else { -surface.normal };
+        let met = ray.at(hit.t);
+        let position = met - surface.distance(met) * surface.normal;
+        self.absorb(material, hit.side, &path, position, throughput);
+
+        let glass = material.transmission.is_some();
+        if hit.side == Side::Back && !glass && !self.geometry.two_sided[hit.surface.index()] {
+            return;
+        }
+        self.field.radiance(hit.surface, hit.side, position, &mut film.value);
+        let w = throughput.len();
+        let pixel = path.pixel as usize;
+        for ((sum, t), l) in
+            film.radiance[pixel * w..(pixel + 1) * w].iter_mut().zip(&*throughput).zip(&film.value)
+        {
+            *sum += f64::from(t * l);
+        }
+        if self.settings.passes == Passes::FirstPassOnly || !material.is_specular() {
+            return;
+        }
+
+        let i = -ray.direction;
+        let seed = film.seeds[pixel];
+        let meeting = Meeting {
+            position,
+            i,
+            n,
+            cos: n.dot(i).clamp(0.0, 1.0),
+            side: hit.side,
+            offset: self.offset[hit.surface.index()],
+            material: self.appearance.surface_material[hit.surface.index()].0,
+            path,
+            u: self.uniform(&path, seed),
+        };
+        match &material.transmission {
+            None if material.m > 0.0 => self.lobe(&meeting, material, throughput, seed, film, next),
+            None => {
+                material.reflect.eval(meeting.cos as f32, &mut film.reflected);
+                scale(&mut film.reflected, throughput, material.s as f32);
+                self.send_reflected(&meeting, reflect(i, n), film, next);
+            }
+            Some(glass) => self.glass(&meeting, material, glass, throughput, film, next),
+        }
+    }
+
+    /// Beer-Lambert along a segment inside a solid: the one the path entered, or, for a path
+    /// that began inside, the one whose back it meets.
+    fn absorb(&self, met: &SampledMaterial, side: Side, path: &Path, end: DVec3, throughput: &mut [f32]) {
+        let inside = match self.appearance.materials.get(path.medium as usize) {
+            Some(entered) => entered,
+            None if side == Side::Back => met,
+            None => return,
+        };
+        if let Some(Transmission::Solid { absorption, .. }) = &inside.transmission {
+            let length = path.start.distance(end);
+            for (t, a) in throughput.iter_mut().zip(absorption) {
+                *t *= (-f64::from(*a) * length).exp() as f32;
+            }
+        }
+    }
+
+    /// Distributed rays in the Beckmann lobe.
+    fn lobe(
+        &self,
+        at: &Meeting,
+        material: &SampledMaterial,
+        throughput: &[f32],
+        seed: u32,
+        film: &mut Film,
+        next: &mut Wave,
+    ) {
+        let rays = if at.path.glossy { 1 } else { self.settings.lobe_samples };
+        for k in 0..rays {
+            let mut path = at.path;
+            if !path.glossy {
+                path.index = path.index * rays + k;
+            }
+            path.glossy = true;
+            let u = self.uniform(&path, seed);
+            let h = sample_beckmann(at.n, material.m, [u[0], u[1]]);
+            let r = reflect(at.i, h);
+            let weight = lobe_weight(at.i, r, h, at.n);
+            if weight > 0.0 {
+                material.reflect.eval(at.i.dot(h) as f32, &mut film.reflected);
+                let share = material.s * weight / f64::from(rays);
+                scale(&mut film.reflected, throughput, share as f32);
+                self.send_reflected(&Meeting { path, u, ..*at }, r, film, next);
+            }
+        }
+    }
+
+    /// Reflection and transmission at glass: both at the first [`SPLITS`] events of a path, then
+    /// one, chosen by brightness.
+    fn glass(
+        &self,
+        at: &Meeting,
+        material: &SampledMaterial,
+        glass: &Transmission,
+        throughput: &[f32],
+        film: &mut Film,
+        next: &mut Wave,
+    ) {
+        let cos = at.cos as f32;
+        let mut beyond = at.path;
+        let onward = match glass {
+            Transmission::Pane { transmit } => {
+                material.reflect.eval(cos, &mut film.reflected);
+                transmit.eval(cos, &mut film.transmitted);
+                scale(&mut film.transmitted, throughput, 1.0);
+                Some(-at.i)
+            }
+            Transmission::Solid { n: index, inside, .. } => {
+                let entering = at.side == Side::Front;
+                let table = if entering { &material.reflect } else { inside };
+                table.eval(cos, &mut film.reflected);
+                let eta = if entering { 1.0 / index } else { *index };
+                let onward = refract(at.i, at.n, eta);
+                // Radiance over n² is what stays on the way through; beyond the critical angle
+                // all is reflected, whatever the table says between its entries.
+                let squeeze = (eta * eta) as f32;
+                for ((out, r), t) in film.transmitted.iter_mut().zip(&mut film.reflected).zip(throughput) {
+                    match onward {
+                        Some(_) => *out = t * squeeze * (1.0 - *r).max(0.0),
+                        None => *r = 1.0,
+                    }
+                }
+                beyond.medium = if entering { at.material } else { NO_MEDIUM };
+                onward
+            }
+        };
+        scale(&mut film.reflected, throughput, 1.0);
+        let Some(onward) = onward else {
+            self.send_reflected(at, reflect(at.i, at.n), film, next);
+            return;
+        };
+        let both = at.path.splits < SPLITS;
+        let path = Path { splits: at.path.splits + 1, ..at.path };
+        beyond.splits += 1;
+        let (bright, through) = (self.bright(&film.reflected), self.bright(&film.transmitted));
+        let chance = if both { 1.0 } else { bright / (bright + through) };
+        if both || at.u[2] < chance {
+            film.reflected.iter_mut().for_each(|r| *r /= chance);
+            self.send_reflected(&Meeting { path, ..*at }, reflect(at.i, at.n), film, next);
+        }
+        if both || at.u[2] >= chance {
+            let chance = if both { 1.0 } else { 1.0 - chance };
+            film.transmitted.iter_mut().for_each(|t| *t /= chance);
+            let transmitted = std::mem::take(&mut film.transmitted);
+            let met = Meeting { path: beyond, offset: -at.offset, ..*at };
+            film.stats.transmitted_rays += u64::from(self.send(&met, onward, &transmitted, film, next));
+            film.transmitted = transmitted;
+        }
+    }
+
+    fn send_reflected(&self, at: &Meeting, direction: DVec3, film: &mut Film, next: &mut Wave) {
+        let reflected = std::mem::take(&mut film.reflected);
+        film.stats.reflected_rays += u64::from(self.send(at, direction, &reflected, film, next));
+        film.reflected = reflected;
+    }
+
+    /// Sends a path on unless it ends here; says whether it did.
+    fn send(
+        &self,
+        at: &Meeting,
+        direction: DVec3,
+        throughput: &[f32],
+        film: &mut Film,
+        next: &mut Wave,
+    ) -> bool {
+        let bright = self.bright(throughput);
+        if bright.is_nan() || bright <= 0.0 {
+            return false;
+        }
+        if at.path.depth >= self.settings.max_depth {
+            film.stats.paths_cut += 1;
+            film.stats.cut_share += f64::from(bright);
+            return false;
+        }
+        let survival = if f64::from(bright) < self.settings.tolerance {
+            bright / self.settings.tolerance as f32
+        } else {
+            1.0
+        };
+        if at.u[3] >= survival {
+            film.stats.paths_ended += 1;
+            return false;
+        }
+        let ray = Ray { origin: at.position + at.offset * at.n, direction, t_min: 0.0, t_max: f64::INFINITY };
+        let path = Path { start: at.position, depth: at.path.depth + 1, ..at.path };
+        next.push(ray, path, throughput.iter().map(|t| t / survival));
+        true
+    }
+
+    /// The numbers of a path's next event.
+    fn uniform(&self, path: &Path, seed: u32) -> [f32; 4] {
+        sobol_burley::sample_4d(path.index, (path.depth + 1) % sobol_burley::NUM_DIMENSION_SETS_4D, seed)
+    }
+
+    fn bright(&self, throughput: &[f32]) -> f32 {
+        throughput.iter().zip(&self.brightness).map(|(t, b)| t * b).sum()
+    }
+}
+
+fn scale(values: &mut [f32], throughput: &[f32], factor: f32) {
+    for (v, t) in values.iter_mut().zip(throughput) {
+        *v *= t * factor;
+    }
+}
+
+/// Weights by which the brightness of a throughput is judged: how much each wavelength matters to
+/// X, Y and Z together, and for none nothing, so that no light can be dropped.
+fn brightness(xyz: &[[f64; 3]]) -> Vec<f32> {
+    let matter: Vec<f64> = xyz.iter().map(|w| w.iter().map(|x| x.abs()).sum()).collect();
+    let total: f64 = matter.iter().sum();
+    let even = 1.0 / matter.len() as f64;
+    let share = |m: f64| if total > 0.0 { m / total } else { even };
+    matter.into_iter().map(|m| (0.9 * share(m) + 0.1 * even) as f32).collect()
+}

@@ -1,0 +1,106 @@
+//! What the second pass is asked for, and what it reports.
+
+use crate::error::{Error, Result};
+use serde::Serialize;
+
+/// Most Sobol' points of one pixel: samples times lobe samples.
+const MAX_POINTS: u32 = 1 << 16;
+
+/// Which light the image shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Passes {
+    /// L^d alone at the first hit: the paper's figures 7 and 8.
+    FirstPassOnly,
+    /// L^d and the specular light by distributed ray tracing: figure 9.
+    Both,
+}
+
+/// How the second pass samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SecondPassSettings {
+    /// Which light the image shows.
+    pub passes: Passes,
+    /// Camera rays a pixel, spread over its area (a box filter).
+    pub samples: u32,
+    /// Rays in the lobe of the first rough specular surface on a path; later ones send one.
+    pub lobe_samples: u32,
+    /// Specular events after which a path ends. What that cuts off is reported.
+    pub max_depth: u32,
+    /// A path that would carry less than this share of its pixel sample ends by Russian
+    /// roulette, which leaves the mean as it is. 0 switches it off.
+    pub tolerance: f64,
+    /// Another seed gives another noise.
+    pub seed: u32,
+}
+
+impl Default for SecondPassSettings {
+    fn default() -> Self {
+        SecondPassSettings {
+            passes: Passes::Both,
+            samples: 16,
+            lobe_samples: 4,
+            max_depth: 16,
+            tolerance: 1e-3,
+            seed: 0,
+        }
+    }
+}
+
+impl SecondPassSettings {
+    /// Most specular events: one set of Sobol' dimensions each, and one for the pixel.
+    pub const MAX_DEPTH: u32 = sobol_burley::NUM_DIMENSION_SETS_4D - 1;
+
+    /// An [`Error::Settings`] that says what to change, if anything.
+    pub fn check(&self) -> Result<()> {
+        let refuse = |what: String| Err(Error::Settings(what));
+        let points = u64::from(self.samples) * u64::from(self.lobe_samples);
+        if points == 0 || points > u64::from(MAX_POINTS) {
+            return refuse(format!(
+                "samples a pixel ({}) times lobe samples ({}) must lie between 1 and {MAX_POINTS}",
+                self.samples, self.lobe_samples
+            ));
+        }
+        if self.max_depth > Self::MAX_DEPTH {
+            return refuse(format!("at most {} specular events a path are possible", Self::MAX_DEPTH));
+        }
+        if !(0.0..=1.0).contains(&self.tolerance) {
+            return refuse(format!("the tolerance must lie between 0 and 1, not at {}", self.tolerance));
+        }
+        Ok(())
+    }
+}
+
+/// What the second pass did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SecondPassStats {
+    /// Camera rays.
+    pub camera_rays: u64,
+    /// Rays sent on by reflection.
+    pub reflected_rays: u64,
+    /// Rays sent on through glass.
+    pub transmitted_rays: u64,
+    /// Rays that met nothing.
+    pub missed_rays: u64,
+    /// Paths that ended at the depth limit.
+    pub paths_cut: u64,
+    /// Mean share of a pixel sample that those would have carried on.
+    pub cut_share: f64,
+    /// Paths ended by Russian roulette (without bias).
+    pub paths_ended: u64,
+    /// Wall-clock time, s.
+    pub second_pass_s: f64,
+}
+
+impl SecondPassStats {
+    /// Adds the counts of another part of the image. `cut_share` is a plain sum until
+    /// it is divided by the number of camera rays.
+    pub(super) fn add(&mut self, other: &SecondPassStats) {
+        self.camera_rays += other.camera_rays;
+        self.reflected_rays += other.reflected_rays;
+        self.transmitted_rays += other.transmitted_rays;
+        self.missed_rays += other.missed_rays;
+        self.paths_cut += other.paths_cut;
+        self.cut_share += other.cut_share;
+        self.paths_ended += other.paths_ended;
+    }
+}

@@ -1,0 +1,53 @@
+//! Paths that are traced together: all of a tile, one event after the other.
+
+use crate::geometry::Ray;
+use glam::DVec3;
+
+/// No solid around a path.
+pub const NO_MEDIUM: u32 = u32::MAX;
+
+/// A path but for its ray and throughput.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    /// Where the segment leaves its surface; the ray itself starts a little above, m.
+    pub start: DVec3,
+    /// Pixel within the tile.
+    pub pixel: u32,
+    /// Which point of the pixel's Sobol' sequence it follows.
+    pub index: u32,
+    /// Specular events so far.
+    pub depth: u32,
+    /// Times both branches at glass were followed.
+    pub splits: u32,
+    /// Whether it has left a rough specular surface.
+    pub glossy: bool,
+    /// Material of the solid it is in, or [`NO_MEDIUM`].
+    pub medium: u32,
+}
+
+/// Rays under way, structure of arrays: a batch for the tracer.
+#[derive(Default)]
+pub struct Wave {
+    /// Next segment of each path.
+    pub rays: Vec<Ray>,
+    /// The rest of it.
+    pub paths: Vec<Path>,
+    /// What share of the radiance met reaches the pixel sample: `[paths][W]`.
+    pub throughput: Vec<f32>,
+}
+
+impl Wave {
+    /// Adds a path.
+    pub fn push(&mut self, ray: Ray, path: Path, throughput: impl IntoIterator<Item = f32>) {
+        self.rays.push(ray);
+        self.paths.push(path);
+        self.throughput.extend(throughput);
+    }
+
+    /// Forgets all paths and keeps the memory.
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.paths.clear();
+        self.throughput.clear();
+    }
+}
