@@ -1,6 +1,35 @@
 //! The first pass (section 3.3): the global diffuse radiance of every sample point.
+//!
+//! Diffuse light goes from point to point by form factors ([`form_factor`], [`diffuse`]); specular
+//! points pass radiance on in chains ([`specular`], [`chain`]); both together are the extended form
+//! factors of equation (7), which [`system`] solves without ever storing them.
 
+pub mod chain;
+pub mod diffuse;
+pub mod form_factor;
+mod gmres;
+pub mod lobe;
+pub mod near;
+mod normalise;
+pub mod reference;
+mod settings;
+mod shooting;
+pub mod specular;
+mod stats;
+pub mod system;
+pub mod visibility_calls;
+
+pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};
+pub use stats::{FirstPassStats, FluxBalance, Range};
+
+use crate::error::{Error, Result};
+use crate::observer::Observer;
+use crate::points::SamplePoints;
+use crate::scene::{Geometry, SampledAppearance};
 use crate::spectrum::Wavelengths;
+use crate::visibility::VisibilityGraph;
+use std::time::Instant;
+use system::System;
 
 /// L^d of every sample point.
 #[derive(Clone, Debug)]
@@ -9,6 +38,8 @@ pub struct DiffuseSolution {
     pub wavelengths: Wavelengths,
     /// L^d_i, the emitted radiance included, W m⁻² sr⁻¹ nm⁻¹: `[N][W]`.
     pub radiance: Vec<f32>,
+    /// How it was found.
+    pub stats: FirstPassStats,
 }
 
 impl DiffuseSolution {
@@ -17,4 +48,125 @@ impl DiffuseSolution {
         let w = self.wavelengths.len();
         &self.radiance[i * w..(i + 1) * w]
     }
+}
+
+/// Solves for the global diffuse radiance of all sample points. No ray is cast, so a new appearance
+/// under the same graph costs this call and nothing else.
+///
+/// # Errors
+/// [`Error::Settings`] when graph, points and appearance do not belong together or a setting cannot
+/// be used; [`Error::Numerical`] when the tolerance is not reached or the light grows without end.
+pub fn solve(
+    geometry: &Geometry,
+    points: &SamplePoints,
+    graph: &VisibilityGraph,
+    appearance: &SampledAppearance,
+    settings: &FirstPassSettings,
+    observer: &dyn Observer,
+) -> Result<DiffuseSolution> {
+    settings.validate()?;
+    check_inputs(geometry, points, graph, appearance)?;
+    let clock = Instant::now();
+    let system = System::new(geometry, points, graph, appearance, settings);
+    let setup_s = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    observer.begin("first pass", 0);
+    let solved = match settings.solver {
+        Solver::Iterative => system.solve_iteratively(settings, || observer.advance(1)),
+        Solver::Shooting => system.solve_by_shooting(settings, || observer.advance(1)),
+    };
+    observer.end();
+    let solved = solved?;
+
+    // One more sweep gives the true residual and a solution that is no worse.
+    let mut irradiance = system.diffuse.irradiance(&solved.radiance, |_| true);
+    irradiance.iter_mut().zip(&solved.flow.irradiance).for_each(|(e, c)| *e += c);
+    let reflected = system.reflected(&irradiance);
+    let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
+    let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
+    let emitted = system.flux(&system.emission);
+    refuse_negative(&mut radiance, &system, settings)?;
+
+    let share = |part: Vec<f64>| {
+        let ratio = |(p, e): (&f64, &f64)| if *e > 0.0 { p.abs() / e } else { 0.0 };
+        part.iter().zip(&emitted).map(ratio).fold(0.0, f64::max)
+    };
+    let stats = FirstPassStats {
+        points: points.len() as u64,
+        specular_points: system.specular.points.len() as u64,
+        near_pairs: system.diffuse.near().len() as u64,
+        row_sum: Range::of(system.diffuse.row_sums(), &points.area),
+        lobe_error_mean: system.specular.closure_error.0,
+        lobe_error_max: system.specular.closure_error.1,
+        opening_cells: system.specular.cells,
+        sweeps: solved.sweeps + 1.0,
+        rounds: solved.rounds,
+        longest_chain: solved.flow.bounces,
+        residual: share(system.flux(&difference)),
+        cut_off: share(solved.flow.cut_off.clone()),
+        flux: stats::balance(
+            points,
+            &system.diffuse,
+            &system.specular,
+            [&system.emission, &system.reflectance, &solved.radiance, &irradiance],
+            &solved.flow,
+        ),
+        rays_cast: 0,
+        visibility_calls_without_graph: settings.count_visibility_calls.then(|| {
+            let tolerance = geometry.plane_tolerance() as f32;
+            visibility_calls::count(points, &system.specular, tolerance, solved.flow.bounces)
+        }),
+        setup_s,
+        solve_s: clock.elapsed().as_secs_f64(),
+    };
+    let (n, w) = (points.len(), system.wavelengths());
+    let by_point = (0..n * w).map(|at| radiance[at % w * n + at / w]).collect();
+    Ok(DiffuseSolution { wavelengths: appearance.wavelengths.clone(), radiance: by_point, stats })
+}
+
+/// Whether the parts belong together and hold nothing that is not a number.
+fn check_inputs(
+    geometry: &Geometry,
+    points: &SamplePoints,
+    graph: &VisibilityGraph,
+    appearance: &SampledAppearance,
+) -> Result<()> {
+    let refuse = |message: &str| Err(Error::Settings(message.into()));
+    if graph.key() != &points.key {
+        return refuse("the visibility graph was built for other sample points: build it again");
+    }
+    if appearance.surface_material.len() != geometry.surfaces.len() {
+        return refuse("the appearance does not name a material for every surface of the geometry");
+    }
+    let w = appearance.wavelengths.len();
+    let known = |id: &crate::scene::MaterialId| (id.0 as usize) < appearance.materials.len();
+    if !appearance.surface_material.iter().all(known) {
+        return refuse("a surface wears a material that the appearance does not have");
+    }
+    for material in &appearance.materials {
+        if material.emission.len() != w || material.diffuse.len() != w || material.reflect.wavelengths != w {
+            return refuse("a material is sampled at other wavelengths than the run");
+        }
+        let sane = |v: &[f32], most: f32| v.iter().all(|&x| (0.0..=most).contains(&x));
+        if !sane(&material.emission, f32::MAX) || !sane(&material.diffuse, 1.0) {
+            return refuse("a material emits or reflects an impossible amount of light");
+        }
+    }
+    Ok(())
+}
+
+/// A system that gains energy has a solution, but not a positive one (Perron and Frobenius): refuses
+/// it. Negative radiance within the tolerance is rounding and becomes 0.
+fn refuse_negative(radiance: &mut [f32], system: &System, settings: &FirstPassSettings) -> Result<()> {
+    let n = system.points.len().max(1);
+    let negative: Vec<f32> = radiance.iter().map(|l| l.min(0.0)).collect();
+    let emitted = system.flux(&system.emission);
+    let whole = system.flux(radiance);
+    for (k, negative) in system.flux(&negative).into_iter().enumerate() {
+        if !whole[k].is_finite() || negative > (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k]) {
+            return Err(shooting::diverged());
+        }
+        radiance[k * n..(k + 1) * n].iter_mut().for_each(|l| *l = l.max(0.0));
+    }
+    Ok(())
 }

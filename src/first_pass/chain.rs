@@ -1,0 +1,418 @@
+//! The specular chains D(S...)D: what diffuse radiance becomes after one or more specular
+//! reflections or transmissions in a row (the global specular operator of section 3.3).
+
+use super::lobe::{BAND, Band, Directions, LANES, LobeTable};
+use super::settings::ChainLimits;
+use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
+use crate::points::{NO_POINT, SamplePoints};
+use rayon::prelude::*;
+
+/// Specular points whose outgoing radiances are held at a time.
+const BLOCK: usize = 64;
+/// More reflections than this are never followed: perfect mirrors in a closed box never end.
+const LONGEST: u32 = 2000;
+
+/// What the chains bring and where their flux goes. All but the bounce count is linear in the
+/// radiance put in; fluxes are W nm⁻¹, `[W]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChainFlow {
+    /// Irradiance that reaches every point, W m⁻² nm⁻¹: `[W][N]`.
+    pub irradiance: Vec<f32>,
+    /// Flux that fell on specular points and entered their specular part, all bounces.
+    pub entered: Vec<f64>,
+    /// Flux that left them specularly.
+    pub left: Vec<f64>,
+    /// Flux that left through openings of the scene.
+    pub escaped: Vec<f64>,
+    /// Flux absorbed inside solids on the way.
+    pub medium: Vec<f64>,
+    /// Flux still in the chains when they were cut off.
+    pub cut_off: Vec<f64>,
+    /// Reflections in a row.
+    pub bounces: u32,
+}
+
+/// Radiance on its way from specular point to specular point: per point and link, `[bands]`.
+type State = Vec<Vec<Band>>;
+
+/// What one specular point sends out in one bounce.
+struct Outgoing {
+    /// Radiance towards each member, `[members][bands]`.
+    radiance: Vec<Band>,
+    /// Flux that came in, after absorption on the way, and absorbed on the way.
+    entered: Vec<f64>,
+    medium: Vec<f64>,
+}
+
+impl SpecularSet {
+    /// The irradiance of all points by specular chains that start with the diffuse `radiance`
+    /// (`[W][N]`) of all points. Same bits for any number of threads.
+    pub fn apply(&self, points: &SamplePoints, radiance: &[f32], limits: &ChainLimits) -> ChainFlow {
+        let (n, w, bands) = (points.len(), self.wavelengths, self.bands());
+        let zeros = || vec![0.0f64; w];
+        let mut flow = ChainFlow {
+            irradiance: vec![0.0; n * w],
+            entered: zeros(),
+            left: zeros(),
+            escaped: zeros(),
+            medium: zeros(),
+            cut_off: zeros(),
+            bounces: 0,
+        };
+        let longest = limits.lg_max.unwrap_or(LONGEST).min(LONGEST);
+        if self.points.is_empty() || longest == 0 {
+            return flow;
+        }
+        let by_point = interleave(radiance, n, w, bands);
+        let mut sums = vec![0.0f64; n * w];
+        let mut state: Option<State> = None;
+        let mut start = (zeros(), 0.0f64);
+        loop {
+            let bounce = Bounce { set: self, points, radiance: &by_point, state: state.as_ref() };
+            let next = self.bounce(&bounce, &mut sums, &mut flow);
+            flow.bounces += 1;
+            let pending = self.pending(points, &next);
+            if flow.bounces == 1 {
+                start = bounce.strength();
+            }
+            let worst = relative(&pending.flux, &start.0);
+            if flow.bounces >= longest || worst <= limits.tolerance {
+                add(&mut flow.cut_off, &pending.signed);
+                break;
+            }
+            state = Some(self.prune(points, next, limits.eff_min * start.1, &mut flow.cut_off));
+        }
+        for i in 0..n {
+            for k in 0..w {
+                flow.irradiance[k * n + i] = sums[i * w + k] as f32;
+            }
+        }
+        flow
+    }
+
+    /// One bounce of all points: adds to irradiance and flows, returns what goes on to others.
+    fn bounce(&self, bounce: &Bounce, sums: &mut [f64], flow: &mut ChainFlow) -> State {
+        let (w, bands) = (self.wavelengths, self.bands());
+        let mut next: State =
+            self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
+        for first in (0..self.points.len()).step_by(BLOCK) {
+            let block = first..(first + BLOCK).min(self.points.len());
+            let outgoing: Vec<Outgoing> = block.clone().into_par_iter().map(|s| bounce.outgoing(s)).collect();
+            for (s, out) in block.zip(&outgoing) {
+                let point = &self.points[s];
+                let area = f64::from(bounce.points.area[point.point as usize]);
+                add(&mut flow.entered, &out.entered);
+                add(&mut flow.medium, &out.medium);
+                for (k, &member) in point.members.iter().enumerate() {
+                    let towards = &out.radiance[k * bands..(k + 1) * bands];
+                    if towards.iter().flatten().all(|&l| l == 0.0) {
+                        continue;
+                    }
+                    for c in 0..w {
+                        let l = f64::from(towards[c / BAND][c % BAND]);
+                        let flux = area * f64::from(point.q_in[k]) * l;
+                        flow.left[c] += flux;
+                        if member == NO_POINT {
+                            flow.escaped[c] += flux;
+                        } else {
+                            let through = f64::from(self.through(point, k, c));
+                            sums[member as usize * w + c] += f64::from(point.q_out[k]) * l * through;
+                        }
+                    }
+                }
+                for link in point.links.iter().filter(|l| l.back != NO_POINT) {
+                    let (from, to) = (link.member as usize * bands, link.back as usize * bands);
+                    next[link.point as usize][to..to + bands]
+                        .copy_from_slice(&out.radiance[from..from + bands]);
+                }
+                // What a diffuse member inside a solid gets is less than what was sent.
+                if !point.distance.is_empty() {
+                    for (k, &member) in point.members.iter().enumerate() {
+                        if member != NO_POINT && !self.is_linked(point, k) {
+                            for c in 0..w {
+                                let l = f64::from(out.radiance[k * bands + c / BAND][c % BAND]);
+                                let lost = 1.0 - f64::from(self.through(point, k, c));
+                                flow.medium[c] += area * f64::from(point.q_in[k]) * l * lost;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        next
+    }
+
+    /// Whether member `k` is a specular point.
+    fn is_linked(&self, point: &SpecularPoint, k: usize) -> bool {
+        self.points.binary_search_by_key(&point.members[k], |p| p.point).is_ok()
+    }
+
+    /// Share of light of wavelength `c` that survives the way to member `k` (Beer-Lambert).
+    fn through(&self, point: &SpecularPoint, k: usize, c: usize) -> f32 {
+        let Some(&distance) = point.distance.get(k) else { return 1.0 };
+        let absorption = |p: &SpecularPoint| {
+            self.material(p).filter(|_| p.inside).and_then(|m| m.absorption.get(c)).copied()
+        };
+        let other = || {
+            let at = self.points.binary_search_by_key(&point.members[k], |p| p.point).ok()?;
+            absorption(&self.points[at])
+        };
+        absorption(point).or_else(other).map_or(1.0, |a| (-a * distance).exp())
+    }
+
+    /// Flux on its way to specular points.
+    fn pending(&self, points: &SamplePoints, state: &State) -> Pending {
+        let w = self.wavelengths;
+        let mut pending = Pending { flux: vec![0.0; w], signed: vec![0.0; w] };
+        for (s, point) in self.points.iter().enumerate() {
+            let area = f64::from(points.area[point.point as usize]);
+            for (link, l) in point.links.iter().zip(state[s].chunks(self.bands())) {
+                let q = area * f64::from(point.q_in[link.member as usize]);
+                for c in 0..w {
+                    let flux = q * f64::from(l[c / BAND][c % BAND]);
+                    pending.flux[c] += flux.abs();
+                    pending.signed[c] += flux;
+                }
+            }
+        }
+        pending
+    }
+
+    /// Forgets what reaches points with less than `least` irradiance, and counts it as cut off.
+    fn prune(&self, points: &SamplePoints, mut state: State, least: f64, cut_off: &mut [f64]) -> State {
+        if least <= 0.0 {
+            return state;
+        }
+        let (w, bands) = (self.wavelengths, self.bands());
+        for (point, state) in self.points.iter().zip(&mut state) {
+            let mut signed = vec![0.0; w];
+            let mut strength = vec![0.0; w];
+            for (link, l) in point.links.iter().zip(state.chunks(bands)) {
+                let q = f64::from(point.q_in[link.member as usize]);
+                for c in 0..w {
+                    signed[c] += q * f64::from(l[c / BAND][c % BAND]);
+                    strength[c] += q * f64::from(l[c / BAND][c % BAND]).abs();
+                }
+            }
+            if strength.iter().all(|&e| e < least) {
+                let area = f64::from(points.area[point.point as usize]);
+                for c in 0..w {
+                    cut_off[c] += area * signed[c];
+                }
+                state.fill([0.0; BAND]);
+            }
+        }
+        state
+    }
+}
+
+/// Flux in the chains: its size and its sum.
+struct Pending {
+    flux: Vec<f64>,
+    signed: Vec<f64>,
+}
+
+/// The sources of one bounce: diffuse radiance in the first, radiance under way in the others.
+struct Bounce<'a> {
+    set: &'a SpecularSet,
+    points: &'a SamplePoints,
+    radiance: &'a [Band],
+    state: Option<&'a State>,
+}
+
+impl Bounce<'_> {
+    /// Source terms of specular point `s`: (member, q L with absorption on the way), and the flux
+    /// absorbed on the way.
+    fn sources(&self, s: usize) -> (Vec<u32>, Vec<Band>, Vec<f64>) {
+        let (w, bands) = (self.set.wavelengths, self.set.bands());
+        let point = &self.set.points[s];
+        let area = f64::from(self.points.area[point.point as usize]);
+        let (mut members, mut values, mut medium) = (Vec::new(), Vec::new(), vec![0.0; w]);
+        let mut push = |member: usize, l: &[Band]| {
+            if l.iter().flatten().all(|&l| l == 0.0) {
+                return;
+            }
+            members.push(member as u32);
+            let q = point.q_in[member];
+            for (band, l) in l.iter().enumerate() {
+                let mut value = l.map(|l| q * l);
+                if !point.distance.is_empty() {
+                    for c in band * BAND..w.min((band + 1) * BAND) {
+                        let through = self.set.through(point, member, c);
+                        medium[c] += area * f64::from(value[c % BAND] * (1.0 - through));
+                        value[c % BAND] *= through;
+                    }
+                }
+                values.push(value);
+            }
+        };
+        match self.state {
+            None => {
+                for (member, &i) in point.members.iter().enumerate().filter(|(_, i)| **i != NO_POINT) {
+                    push(member, &self.radiance[i as usize * bands..(i as usize + 1) * bands]);
+                }
+            }
+            Some(state) => {
+                for (link, l) in point.links.iter().zip(state[s].chunks(bands)) {
+                    push(link.member as usize, l);
+                }
+            }
+        }
+        (members, values, medium)
+    }
+
+    /// What `s` sends to its members: reflected from its own side, transmitted from its twin's.
+    fn outgoing(&self, s: usize) -> Outgoing {
+        let bands = self.set.bands();
+        let point = &self.set.points[s];
+        let mut radiance = vec![[0.0; BAND]; point.members.len().next_multiple_of(LANES) * bands];
+        let (members, values, medium) = self.sources(s);
+        let area = f64::from(self.points.area[point.point as usize]);
+        let mut entered = vec![0.0; self.set.wavelengths];
+        for value in values.chunks(bands) {
+            for (c, e) in entered.iter_mut().enumerate() {
+                *e += area * f64::from(value[c / BAND][c % BAND]);
+            }
+        }
+        if let Some(material) = self.set.material(point) {
+            let (reflect, m2) = lobe_of(point, material);
+            let from = &point.reflection;
+            scatter((from, &members, &values), from, m2, reflect, &mut radiance, bands);
+            if let (Some(twin), Some(transmit), Some(to)) =
+                (point.twin, &material.transmit, &point.transmission)
+                && let Some(from) = &self.set.points[twin as usize].transmission
+            {
+                let (members, values, _) = self.sources(twin as usize);
+                let mut through = vec![[0.0; BAND]; radiance.len()];
+                scatter((from, &members, &values), to, 0.0, transmit, &mut through, bands);
+                // Radiance over n² is what stays the same across the boundary; inside elements
+                // already weigh n² in the normalisation.
+                let n2 = if point.inside { material.n2 } else { 1.0 };
+                for (out, through) in radiance.iter_mut().zip(&through) {
+                    for lane in 0..BAND {
+                        out[lane] += n2 * through[lane];
+                    }
+                }
+            }
+        }
+        Outgoing { radiance, entered, medium }
+    }
+
+    /// Flux and largest irradiance that the first bounce starts from.
+    fn strength(&self) -> (Vec<f64>, f64) {
+        let (w, bands) = (self.set.wavelengths, self.set.bands());
+        let per_point: Vec<Vec<f64>> = (0..self.set.points.len())
+            .into_par_iter()
+            .map(|s| {
+                let mut irradiance = vec![0.0; w];
+                for value in self.sources(s).1.chunks(bands) {
+                    for (c, e) in irradiance.iter_mut().enumerate() {
+                        *e += f64::from(value[c / BAND][c % BAND]).abs();
+                    }
+                }
+                irradiance
+            })
+            .collect();
+        let (mut flux, mut largest) = (vec![0.0; w], 0.0f64);
+        for (point, irradiance) in self.set.points.iter().zip(&per_point) {
+            let area = f64::from(self.points.area[point.point as usize]);
+            for c in 0..w {
+                flux[c] += area * irradiance[c];
+                largest = largest.max(irradiance[c]);
+            }
+        }
+        (flux, largest)
+    }
+}
+
+/// The reflection lobe's factor and m² on the side where `point` is.
+pub fn lobe_of<'a>(point: &SpecularPoint, material: &'a SpecularMaterial) -> (&'a LobeTable, f32) {
+    match &material.reflect_inside {
+        Some(inside) if point.inside => (inside, material.m2),
+        _ => (&material.reflect, material.m2),
+    }
+}
+
+/// Adds Σ_l F B(l, k) u_l u_k q_l L_l to the radiance towards every k of `to`; the sources are
+/// members of `from` with their q L, `[sources][bands]`.
+fn scatter(
+    (from, members, values): (&Directions, &[u32], &[Band]),
+    to: &Directions,
+    m2: f32,
+    table: &LobeTable,
+    radiance: &mut [Band],
+    bands: usize,
+) {
+    for (&member, source) in members.iter().zip(values.chunks(bands)) {
+        let a = from.get(member as usize);
+        let u = from.scale_of(member as usize);
+        if a.to[2] <= 0.0 {
+            continue;
+        }
+        for g in to.reach(&a, m2) {
+            let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
+            for lane in 0..LANES {
+                if b[lane] == 0.0 {
+                    continue;
+                }
+                let weight = b[lane] * u * to.scale[g][lane];
+                let (f0, f1, f) = table.at(cosine[lane]);
+                let k = g * LANES + lane;
+                for band in 0..bands {
+                    let (out, l) = (&mut radiance[k * bands + band], &source[band]);
+                    for c in 0..BAND {
+                        out[c] += weight * (f0[band][c] + f * (f1[band][c] - f0[band][c])) * l[c];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `[W][N]` to `[N][bands]`.
+fn interleave(radiance: &[f32], n: usize, w: usize, bands: usize) -> Vec<Band> {
+    let mut by_point = vec![[0.0; BAND]; n * bands];
+    for k in 0..w {
+        for i in 0..n {
+            by_point[i * bands + k / BAND][k % BAND] = radiance[k * n + i];
+        }
+    }
+    by_point
+}
+
+/// Largest of `part / whole` over the wavelengths; 0 where the whole is.
+fn relative(part: &[f64], whole: &[f64]) -> f64 {
+    part.iter().zip(whole).map(|(p, w)| if *w > 0.0 { p / w } else { 0.0 }).fold(0.0, f64::max)
+}
+
+/// Element-wise sum.
+fn add(sum: &mut [f64], more: &[f64]) {
+    sum.iter_mut().zip(more).for_each(|(s, m)| *s += m);
+}
+
+impl ChainFlow {
+    /// Adds `factor[k]` times another flow at each wavelength k; the operator is linear.
+    pub fn add_scaled(&mut self, other: &ChainFlow, factor: &[f64]) {
+        let n = other.irradiance.len() / factor.len().max(1);
+        self.irradiance.resize(other.irradiance.len(), 0.0);
+        for (k, &f) in factor.iter().enumerate() {
+            for i in k * n..(k + 1) * n {
+                self.irradiance[i] += f as f32 * other.irradiance[i];
+            }
+        }
+        let pairs = [
+            (&mut self.entered, &other.entered),
+            (&mut self.left, &other.left),
+            (&mut self.escaped, &other.escaped),
+            (&mut self.medium, &other.medium),
+            (&mut self.cut_off, &other.cut_off),
+        ];
+        for (sum, more) in pairs {
+            sum.resize(factor.len(), 0.0);
+            for (k, &f) in factor.iter().enumerate() {
+                sum[k] += f * more[k];
+            }
+        }
+        self.bounces = self.bounces.max(other.bounces);
+    }
+}

@@ -1,0 +1,288 @@
+//! The diffuse operator D: irradiance of all points from the diffuse radiance of all points,
+//! E_i = Σ_j h_ij π F_ij L_j, recomputed tile by tile from points and bits.
+
+use super::form_factor::{plain, plane_distances};
+use super::near::{NearPairs, correction};
+use super::settings::Kernel;
+use crate::points::SamplePoints;
+use crate::visibility::{Tile, VisibilityGraph};
+use rayon::prelude::*;
+
+/// Points handled side by side.
+const LANES: usize = 8;
+/// Receivers of one task.
+const ROWS: usize = 128;
+
+type Lanes = [f32; LANES];
+
+/// Points as columns of the tiles: voxel by voxel, each padded to a multiple of [`LANES`] with
+/// points that face nothing.
+struct Columns {
+    position: [Vec<Lanes>; 3],
+    normal: [Vec<Lanes>; 3],
+    area: Vec<Lanes>,
+    /// First group of lanes of each voxel, and the number of groups at the end.
+    starts: Vec<usize>,
+}
+
+/// D for one set of points and one graph.
+pub struct DiffuseOperator<'a> {
+    points: &'a SamplePoints,
+    graph: &'a VisibilityGraph,
+    columns: Columns,
+    tolerance: f32,
+    near: NearPairs,
+    row_sums: Vec<f32>,
+    /// (voxel, first row, one past the last row), rows as point indices.
+    tasks: Vec<(usize, usize, usize)>,
+}
+
+impl Columns {
+    fn new(points: &SamplePoints) -> Self {
+        let mut columns = Columns {
+            position: [const { Vec::new() }; 3],
+            normal: [const { Vec::new() }; 3],
+            area: Vec::new(),
+            starts: vec![0],
+        };
+        for v in 0..points.voxels() {
+            for group in points.voxel(v).collect::<Vec<_>>().chunks(LANES) {
+                for axis in 0..3 {
+                    let mut p = [points.position[group[0]][axis]; LANES];
+                    let mut n = [0.0; LANES];
+                    for (lane, &i) in group.iter().enumerate() {
+                        p[lane] = points.position[i][axis];
+                        n[lane] = points.normal[i][axis];
+                    }
+                    columns.position[axis].push(p);
+                    columns.normal[axis].push(n);
+                }
+                let mut area = [0.0; LANES];
+                for (lane, &i) in group.iter().enumerate() {
+                    area[lane] = points.area[i];
+                }
+                columns.area.push(area);
+            }
+            columns.starts.push(columns.area.len());
+        }
+        columns
+    }
+
+    /// q of the elements of group `g` seen from point `i`, where `bits` lets it see them.
+    #[inline(always)]
+    fn seen_from(&self, points: &SamplePoints, i: usize, g: usize, bits: u32, tolerance: f32) -> Lanes {
+        let (p, n) = (points.position[i], points.normal[i]);
+        let [x, y, z] = [&self.position[0][g], &self.position[1][g], &self.position[2][g]];
+        let [nx, ny, nz] = [&self.normal[0][g], &self.normal[1][g], &self.normal[2][g]];
+        let area = &self.area[g];
+        let mut q = [0.0; LANES];
+        for lane in 0..LANES {
+            let (dx, dy, dz) = (x[lane] - p.x, y[lane] - p.y, z[lane] - p.z);
+            let d_i = n.x * dx + n.y * dy + n.z * dz;
+            let d_j = -(nx[lane] * dx + ny[lane] * dy + nz[lane] * dz);
+            let value = plain(d_i, d_j, dx * dx + dy * dy + dz * dz, area[lane]);
+            let seen = (d_i > tolerance) & (d_j > tolerance) & (bits & (1 << lane) != 0);
+            q[lane] = if seen { value } else { 0.0 };
+        }
+        q
+    }
+}
+
+/// The bits of row `r` for the `group`th group of columns.
+#[inline(always)]
+fn bits_of(tile: &Tile, r: usize, group: usize) -> u32 {
+    match tile {
+        Tile::Visible => 0xff,
+        Tile::Hidden => 0,
+        Tile::Bits { words, stride } => {
+            let at = group * LANES;
+            words[r * stride + at / 32] >> (at % 32) & 0xff
+        }
+    }
+}
+
+impl<'a> DiffuseOperator<'a> {
+    /// Prepares the columns and, for [`Kernel::Analytic`], the corrections of near pairs.
+    /// Points closer to another's plane than `tolerance` (m) do not face it.
+    pub fn new(points: &'a SamplePoints, graph: &'a VisibilityGraph, kernel: Kernel, tolerance: f32) -> Self {
+        let tasks = (0..points.voxels())
+            .flat_map(|v| {
+                let rows = points.voxel(v);
+                let end = rows.end;
+                rows.step_by(ROWS).map(move |first| (v, first, (first + ROWS).min(end)))
+            })
+            .collect();
+        let mut operator = DiffuseOperator {
+            points,
+            graph,
+            columns: Columns::new(points),
+            tolerance,
+            near: NearPairs::default(),
+            row_sums: Vec::new(),
+            tasks,
+        };
+        if kernel == Kernel::Analytic {
+            operator.near = NearPairs::from_rows(operator.near_rows());
+        }
+        let ones = vec![1.0; points.len()];
+        operator.row_sums = operator.irradiance(&ones, |_| true);
+        operator.row_sums.iter_mut().for_each(|q| *q /= std::f32::consts::PI);
+        operator
+    }
+
+    /// Σ_j h_ij F_ij of every point: 1 in a closed scene, less where light can escape.
+    pub fn row_sums(&self) -> &[f32] {
+        &self.row_sums
+    }
+
+    /// Corrections of near pairs.
+    pub fn near(&self) -> &NearPairs {
+        &self.near
+    }
+
+    /// Calls `visit(row, column voxel's points, tile, row in tile)` for all receivers of a task.
+    fn tiles(&self, task: (usize, usize, usize), mut visit: impl FnMut(usize, &Tile, usize)) {
+        let (a, first, _) = task;
+        let mut scratch = Vec::new();
+        for b in 0..self.points.voxels() {
+            if self.points.voxel(b).is_empty() {
+                continue;
+            }
+            let tile = self.graph.tile(a, b, &mut scratch);
+            if !matches!(tile, Tile::Hidden) {
+                visit(b, &tile, first - self.points.voxel(a).start);
+            }
+        }
+    }
+
+    /// The near pairs of every receiver, in order.
+    fn near_rows(&self) -> Vec<Vec<(u32, f32)>> {
+        let blocks: Vec<Vec<Vec<(u32, f32)>>> = self
+            .tasks
+            .par_iter()
+            .map(|&task| {
+                let (_, first, end) = task;
+                let mut rows = vec![Vec::new(); end - first];
+                self.tiles(task, |b, tile, r0| {
+                    for (row, i) in rows.iter_mut().zip(first..end) {
+                        for (c, j) in self.points.voxel(b).enumerate() {
+                            let (d_i, d_j, _) = plane_distances(self.points, i, j);
+                            if d_i > self.tolerance
+                                && d_j > self.tolerance
+                                && tile.get(r0 + i - first, c)
+                                && let Some(difference) = correction(self.points, i, j)
+                            {
+                                row.push((j as u32, difference));
+                            }
+                        }
+                    }
+                });
+                rows
+            })
+            .collect();
+        blocks.into_iter().flatten().collect()
+    }
+
+    /// E of every point for which `wanted` holds (0 for the others), W m⁻² nm⁻¹, from the radiance of
+    /// every point; both `[W][N]`. One sweep.
+    pub fn irradiance(&self, radiance: &[f32], wanted: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+        let n = self.points.len();
+        if n == 0 {
+            return Vec::new();
+        }
+        let w = radiance.len() / n;
+        let groups = self.columns.area.len();
+        let packed = self.pack(radiance, w);
+        let blocks: Vec<Vec<f64>> = self
+            .tasks
+            .par_iter()
+            .map(|&task| {
+                let (_, first, end) = task;
+                let mut sums = vec![0.0f64; (end - first) * w];
+                let mut q: Vec<Lanes> = Vec::new();
+                self.tiles(task, |b, tile, r0| {
+                    let columns = self.columns.starts[b]..self.columns.starts[b + 1];
+                    for i in (first..end).filter(|&i| wanted(i)) {
+                        q.clear();
+                        q.extend(columns.clone().enumerate().map(|(group, g)| {
+                            let bits = bits_of(tile, r0 + i - first, group);
+                            self.columns.seen_from(self.points, i, g, bits, self.tolerance)
+                        }));
+                        for (k, sum) in sums[(i - first) * w..(i - first + 1) * w].iter_mut().enumerate() {
+                            let x = &packed[k * groups + columns.start..k * groups + columns.end];
+                            *sum += f64::from(dot(&q, x));
+                        }
+                    }
+                });
+                for i in (first..end).filter(|&i| wanted(i)) {
+                    for (j, difference) in self.near.row(i) {
+                        for k in 0..w {
+                            sums[(i - first) * w + k] += f64::from(difference * radiance[k * n + j]);
+                        }
+                    }
+                }
+                sums
+            })
+            .collect();
+        let mut irradiance = vec![0.0; n * w];
+        for (&(_, first, end), sums) in self.tasks.iter().zip(&blocks) {
+            for i in first..end {
+                for k in 0..w {
+                    irradiance[k * n + i] = sums[(i - first) * w + k] as f32;
+                }
+            }
+        }
+        irradiance
+    }
+
+    /// q of element `j` seen from every point that sees it, corrections left out: `visit(point, q)`.
+    pub fn column(&self, j: usize, mut visit: impl FnMut(usize, f32)) {
+        let voxels = self.points.voxels();
+        let a = (0..voxels).find(|&v| self.points.voxel(v).contains(&j)).unwrap_or(voxels);
+        let mut scratch = Vec::new();
+        for b in 0..voxels {
+            // A tile stored the other way round is not worth turning for one row.
+            let tile = (a <= b).then(|| self.graph.tile(a, b, &mut scratch));
+            for (c, i) in self.points.voxel(b).enumerate() {
+                let (d_i, d_j, r2) = plane_distances(self.points, i, j);
+                let facing = d_i > self.tolerance && d_j > self.tolerance;
+                if facing
+                    && match &tile {
+                        Some(tile) => tile.get(j - self.points.voxel(a).start, c),
+                        None => self.graph.unblocked(i, j),
+                    }
+                {
+                    visit(i, plain(d_i, d_j, r2, self.points.area[j]));
+                }
+            }
+        }
+    }
+
+    /// Radiance in the layout of the columns: `[W][groups]`.
+    fn pack(&self, radiance: &[f32], w: usize) -> Vec<Lanes> {
+        let n = self.points.len();
+        let mut packed = Vec::with_capacity(w * self.columns.area.len());
+        for k in 0..w {
+            for v in 0..self.points.voxels() {
+                for group in radiance[k * n..(k + 1) * n][self.points.voxel(v)].chunks(LANES) {
+                    let mut lanes = [0.0; LANES];
+                    lanes[..group.len()].copy_from_slice(group);
+                    packed.push(lanes);
+                }
+            }
+        }
+        packed
+    }
+}
+
+/// Σ a b, lane by lane, then across.
+#[inline]
+fn dot(a: &[Lanes], b: &[Lanes]) -> f32 {
+    let mut sum = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sum[lane] += a[lane] * b[lane];
+        }
+    }
+    sum.iter().sum()
+}

@@ -1,0 +1,135 @@
+//! Scale factors that make every lobe return its directional albedo over the members a point has:
+//! u_l Σ_k B(l, k) q_k u_k = a(θ_l). Sinkhorn's balancing with square roots keeps B symmetric, so
+//! energy is neither created nor lost and reciprocity holds.
+
+use super::lobe::{Directions, LANES, interpolate};
+
+/// Rounds of balancing at most.
+const ROUNDS: usize = 24;
+/// Good enough: largest relative deviation of a row.
+const GOOD: f64 = 1e-4;
+/// Lobes of more pairs than this are recomputed in each round rather than kept.
+const KEPT: usize = 8 << 20;
+
+type Lanes = [f32; LANES];
+
+/// B between two sets of directions, by rows.
+struct Lobes<'a> {
+    from: &'a Directions,
+    to: &'a Directions,
+    m2: f32,
+    kept: Option<Vec<(usize, Vec<Lanes>)>>,
+}
+
+impl<'a> Lobes<'a> {
+    fn new(from: &'a Directions, to: &'a Directions, m2: f32) -> Self {
+        let mut lobes = Lobes { from, to, m2, kept: None };
+        if from.len * to.len <= KEPT {
+            lobes.kept = Some((0..from.len).map(|l| lobes.row(l)).collect());
+        }
+        lobes
+    }
+
+    /// B(l, ·) and the group of lanes it begins at.
+    fn row(&self, l: usize) -> (usize, Vec<Lanes>) {
+        let a = self.from.get(l);
+        if a.to[2] <= 0.0 {
+            return (0, Vec::new());
+        }
+        let reach = self.to.reach(&a, self.m2);
+        let lobe = |g| self.to.lobe(&a, g, self.m2).map_or([0.0; LANES], |(b, _)| b);
+        (reach.start, reach.map(lobe).collect())
+    }
+
+    /// Σ_k B(l, k) x_k for every l.
+    fn times(&self, x: &[Lanes]) -> Vec<f32> {
+        let sum = |first: usize, row: &[Lanes]| {
+            let mut sum = [0.0; LANES];
+            for (b, x) in row.iter().zip(&x[first..]) {
+                for lane in 0..LANES {
+                    sum[lane] += b[lane] * x[lane];
+                }
+            }
+            sum.iter().sum()
+        };
+        match &self.kept {
+            Some(rows) => rows.iter().map(|(first, row)| sum(*first, row)).collect(),
+            None => (0..self.from.len)
+                .map(|l| {
+                    let (first, row) = self.row(l);
+                    sum(first, &row)
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Weight times scale of every direction.
+fn weighted(directions: &Directions) -> Vec<Lanes> {
+    let product = |(w, u): (&Lanes, &Lanes)| std::array::from_fn(|lane| w[lane] * u[lane]);
+    directions.weight.iter().zip(&directions.scale).map(product).collect()
+}
+
+/// One half step: scales `directions` towards `albedo`, given Σ_k B q_k u_k; `root` for the symmetric
+/// case. Returns (weighted mean, largest) deviation before the step.
+fn step(directions: &mut Directions, sums: &[f32], albedo: impl Fn(f32) -> f32, root: bool) -> (f64, f64) {
+    let (mut error, mut weight, mut largest) = (0.0, 0.0, 0.0f64);
+    for (i, &sum) in sums.iter().enumerate() {
+        let (g, lane) = (i / LANES, i % LANES);
+        if directions.weight[g][lane] <= 0.0 {
+            continue;
+        }
+        let (target, scale) = (albedo(directions.z[g][lane]), directions.scale[g][lane]);
+        let w = f64::from(directions.weight[g][lane]);
+        weight += w;
+        if sum > 0.0 && scale > 0.0 {
+            let ratio = target / (scale * sum);
+            let deviation = f64::from((1.0 / ratio - 1.0).abs());
+            error += w * deviation;
+            largest = largest.max(deviation);
+            let next = scale * if root { ratio.sqrt() } else { ratio };
+            directions.scale[g][lane] = if next.is_finite() { next } else { scale };
+        } else {
+            error += w;
+            largest = 1.0;
+        }
+    }
+    (if weight > 0.0 { error / weight } else { 0.0 }, largest)
+}
+
+/// Scales the reflection lobe of one point to the directional `albedo`. Returns the (mean, largest)
+/// relative deviation left.
+pub fn normalise_reflection(directions: &mut Directions, m2: f32, albedo: &[f32]) -> (f64, f64) {
+    let unscaled = directions.clone();
+    let lobes = Lobes::new(&unscaled, &unscaled, m2);
+    let mut error = (0.0, 0.0);
+    for _ in 0..ROUNDS {
+        let sums = lobes.times(&weighted(directions));
+        let before = directions.scale.clone();
+        error = step(directions, &sums, |z| interpolate(albedo, z), true);
+        if error.1 < GOOD {
+            directions.scale = before;
+            break;
+        }
+    }
+    error
+}
+
+/// Scales the transmission lobe between the two sides of a glass point: what enters from any
+/// direction leaves on the other side, unless it is reflected. Returns the deviation left.
+pub fn normalise_transmission(front: &mut Directions, back: &mut Directions) -> (f64, f64) {
+    let (a, b) = (front.clone(), back.clone());
+    let (forth, backwards) = (Lobes::new(&a, &b, 0.0), Lobes::new(&b, &a, 0.0));
+    // Both rows and columns can only be met when both sides weigh the same; the heavier gives way.
+    let total = |d: &Directions| d.weight.iter().flatten().sum::<f32>();
+    let ratio = total(back) / total(front);
+    let mut error = (0.0, 0.0);
+    for _ in 0..ROUNDS {
+        error = step(front, &forth.times(&weighted(back)), |_| ratio.min(1.0), false);
+        step(back, &backwards.times(&weighted(front)), |_| (1.0 / ratio).min(1.0), false);
+        if error.1 < GOOD {
+            break;
+        }
+    }
+    error
+}

@@ -1,0 +1,136 @@
+//! What one first pass did, and where the light went.
+
+use super::chain::ChainFlow;
+use super::diffuse::DiffuseOperator;
+use super::specular::SpecularSet;
+use crate::points::SamplePoints;
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// Where the emitted flux went, W nm⁻¹, `[W]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FluxBalance {
+    /// π Σ A L^E.
+    pub emitted: Vec<f64>,
+    /// Absorbed by surfaces and inside solids.
+    pub absorbed: Vec<f64>,
+    /// Left through openings, and what the sums of form factors lack to 1.
+    pub escaped: Vec<f64>,
+    /// Still in specular chains when they were cut off.
+    pub cut_off: Vec<f64>,
+    /// Emitted less all of the above, of the emitted flux: what is not yet absorbed, and what form
+    /// factors that are not exactly reciprocal gain or lose.
+    pub error: Vec<f64>,
+}
+
+/// Smallest, mean and largest of a quantity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Range {
+    /// Smallest.
+    pub min: f64,
+    /// Mean, weighted by area.
+    pub mean: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// Counters and errors of one first pass.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FirstPassStats {
+    /// N.
+    pub points: u64,
+    /// Points that carry directional radiance.
+    pub specular_points: u64,
+    /// Ordered pairs whose factor is the exact one.
+    pub near_pairs: u64,
+    /// Σ_j h_ij F_ij over the points: 1 everywhere in a closed scene.
+    pub row_sum: Range,
+    /// Mean relative deviation of the specular lobes from their directional albedo.
+    pub lobe_error_mean: f64,
+    /// Largest such deviation of a direction.
+    pub lobe_error_max: f64,
+    /// Black cells that stand for openings around specular points.
+    pub opening_cells: u64,
+    /// Sweeps over all pairs of points (shots: N are one sweep).
+    pub sweeps: f64,
+    /// Applications of the specular operator.
+    pub rounds: u32,
+    /// Most specular reflections in a row that were followed.
+    pub longest_chain: u32,
+    /// Flux not yet absorbed, of the flux emitted, at the worst wavelength.
+    pub residual: f64,
+    /// Flux cut off the ends of specular chains, of the flux emitted, at the worst wavelength.
+    pub cut_off: f64,
+    /// Where the light went.
+    pub flux: FluxBalance,
+    /// Rays cast: none, whatever the appearance.
+    pub rays_cast: u64,
+    /// Calls of h that the paper's algorithm makes without a graph, if asked for (Table 2).
+    pub visibility_calls_without_graph: Option<f64>,
+    /// Wall time of preparing form factors and lobes, s.
+    pub setup_s: f64,
+    /// Wall time of solving, s.
+    pub solve_s: f64,
+}
+
+impl Range {
+    /// Of `values`, the mean weighted by `weight`. Zero when there is none.
+    pub fn of(values: &[f32], weight: &[f32]) -> Self {
+        if values.is_empty() {
+            return Range::default();
+        }
+        let pairs = || values.iter().zip(weight).map(|(&v, &a)| (f64::from(v), f64::from(a)));
+        let total: f64 = pairs().map(|(_, a)| a).sum();
+        Range {
+            min: pairs().map(|(v, _)| v).fold(f64::INFINITY, f64::min),
+            mean: pairs().map(|(v, a)| v * a).sum::<f64>() / total,
+            max: pairs().map(|(v, _)| v).fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+}
+
+/// Σ over points of area times `value(i)`.
+pub fn over_area(points: &SamplePoints, value: impl Fn(usize) -> f64) -> f64 {
+    points.area.iter().enumerate().map(|(i, &a)| f64::from(a) * value(i)).sum()
+}
+
+/// Follows the flux through a solution. `emission`, `reflectance` (ρ), `radiance` and `irradiance` of
+/// all points are `[W][N]`; the irradiance includes that of the chains, which are `flow`.
+pub fn balance(
+    points: &SamplePoints,
+    diffuse: &DiffuseOperator,
+    specular: &SpecularSet,
+    [emission, reflectance, radiance, irradiance]: [&[f32]; 4],
+    flow: &ChainFlow,
+) -> FluxBalance {
+    let n = points.len();
+    let w = specular.wavelengths;
+    let mut is_specular = vec![false; n];
+    for p in &specular.points {
+        is_specular[p.point as usize] = true;
+    }
+    let at = |plane: &[f32], k: usize, i: usize| f64::from(plane[k * n + i]);
+    let mut flux = FluxBalance::default();
+    for k in 0..w {
+        let emitted = PI * over_area(points, |i| at(emission, k, i));
+        // A specular point turns ρ E back diffusely; what else it got is in the chains' account.
+        let kept = over_area(points, |i| {
+            let falls = if is_specular[i] { 0.0 } else { at(irradiance, k, i) };
+            falls - at(reflectance, k, i) * at(irradiance, k, i)
+        });
+        let openings =
+            PI * over_area(points, |i| at(radiance, k, i) * (1.0 - f64::from(diffuse.row_sums()[i])));
+        let share = |values: &[f64]| values.get(k).copied().unwrap_or(0.0);
+        let cut_off = share(&flow.cut_off);
+        // What is cut off never entered the specular point it was going to.
+        let absorbed = kept + share(&flow.entered) - share(&flow.left) + share(&flow.medium);
+        let escaped = openings + share(&flow.escaped);
+        let missing = emitted - absorbed - escaped - cut_off;
+        flux.emitted.push(emitted);
+        flux.absorbed.push(absorbed);
+        flux.escaped.push(escaped);
+        flux.cut_off.push(cut_off);
+        flux.error.push(if emitted > 0.0 { missing / emitted } else { 0.0 });
+    }
+    flux
+}

@@ -1,0 +1,171 @@
+//! Equation (7) as a system: L = L^E + ρ/π (E_diffuse + E_chains), all wavelengths at once.
+
+use super::chain::ChainFlow;
+use super::diffuse::DiffuseOperator;
+use super::settings::FirstPassSettings;
+use super::specular::SpecularSet;
+use super::stats::over_area;
+use super::{gmres, shooting};
+use crate::error::{Error, Result};
+use crate::points::SamplePoints;
+use crate::scene::{Geometry, SampledAppearance};
+use crate::visibility::VisibilityGraph;
+use std::f64::consts::PI;
+
+/// How far one inner solve of the diffuse part goes; more would be lost on the outer one.
+const INNER: f64 = 1e-3;
+
+/// The operators of a scene and its appearance, ready to be applied.
+pub struct System<'a> {
+    /// The sample points.
+    pub points: &'a SamplePoints,
+    /// D.
+    pub diffuse: DiffuseOperator<'a>,
+    /// S.
+    pub specular: SpecularSet,
+    /// L^E, `[W][N]`.
+    pub emission: Vec<f32>,
+    /// ρ = d π R^d, `[W][N]`.
+    pub reflectance: Vec<f32>,
+    /// Whether a point reflects diffusely at any wavelength.
+    pub reflects: Vec<bool>,
+}
+
+/// A solution on the way: radiance, and what the chains contribute to it.
+pub struct Solved {
+    /// L^d, `[W][N]`.
+    pub radiance: Vec<f32>,
+    /// What the chains that start with it bring.
+    pub flow: ChainFlow,
+    /// Sweeps done.
+    pub sweeps: f64,
+    /// Applications of the specular operator.
+    pub rounds: u32,
+}
+
+impl<'a> System<'a> {
+    /// Prepares both operators.
+    pub fn new(
+        geometry: &Geometry,
+        points: &'a SamplePoints,
+        graph: &'a VisibilityGraph,
+        appearance: &SampledAppearance,
+        settings: &FirstPassSettings,
+    ) -> Self {
+        let tolerance = geometry.plane_tolerance() as f32;
+        let (n, w) = (points.len(), appearance.wavelengths.len());
+        let (mut emission, mut reflectance) = (vec![0.0; n * w], vec![0.0; n * w]);
+        for i in 0..n {
+            let material = appearance.of(points.surface[i]);
+            // A one-sided emitter has no points on its back, a two-sided one emits from both.
+            for k in 0..w {
+                emission[k * n + i] = material.emission[k];
+                reflectance[k * n + i] = material.diffuse[k];
+            }
+        }
+        let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
+        System {
+            points,
+            diffuse: DiffuseOperator::new(points, graph, settings.kernel, tolerance),
+            specular: SpecularSet::new(points, graph, appearance, settings.kernel, tolerance),
+            emission,
+            reflectance,
+            reflects,
+        }
+    }
+
+    /// W.
+    pub fn wavelengths(&self) -> usize {
+        self.specular.wavelengths
+    }
+
+    /// ρ/π E, `[W][N]`.
+    pub fn reflected(&self, irradiance: &[f32]) -> Vec<f32> {
+        let scale = |(e, rho): (&f32, &f32)| e * rho * std::f32::consts::FRAC_1_PI;
+        irradiance.iter().zip(&self.reflectance).map(scale).collect()
+    }
+
+    /// π Σ A |x| of each wavelength.
+    pub fn flux(&self, x: &[f32]) -> Vec<f64> {
+        let n = self.points.len();
+        let of = |k: usize| PI * over_area(self.points, |i| f64::from(x[k * n + i]).abs());
+        (0..self.wavelengths()).map(of).collect()
+    }
+
+    /// (1 - ρ/π D) x.
+    fn diffuse_step(&self, x: &[f32]) -> Vec<f32> {
+        let back = self.reflected(&self.diffuse.irradiance(x, |i| self.reflects[i]));
+        x.iter().zip(&back).map(|(x, b)| x - b).collect()
+    }
+
+    /// Norm of the residual that surely keeps the flux under `tolerance` of what is emitted.
+    fn goals(&self, tolerance: f64) -> Vec<f64> {
+        let area = over_area(self.points, |_| 1.0);
+        self.flux(&self.emission).iter().map(|f| tolerance * f / (PI * area.sqrt())).collect()
+    }
+
+    /// The complete iterative solution: GMRES on the whole system, with GMRES on its diffuse part as
+    /// preconditioner, since a sweep costs less than a round of specular chains.
+    pub fn solve_iteratively(
+        &self,
+        settings: &FirstPassSettings,
+        mut progress: impl FnMut(),
+    ) -> Result<Solved> {
+        let (area, w) = (&self.points.area, self.wavelengths());
+        let max_sweeps = settings.max_sweeps as usize;
+        let mut sweeps = 0usize;
+        let mut flows: Vec<ChainFlow> = Vec::new();
+        let goals = self.goals(settings.tolerance);
+        let outcome = if self.specular.points.is_empty() {
+            gmres::solve(&self.emission, area, &goals, max_sweeps, |v| {
+                sweeps += 1;
+                progress();
+                Ok((v.to_vec(), self.diffuse_step(v)))
+            })?
+        } else {
+            gmres::solve(&self.emission, area, &goals, max_sweeps, |v| {
+                let inner_goals = vec![INNER; w];
+                let left = max_sweeps.saturating_sub(sweeps);
+                let inner = gmres::solve(v, area, &inner_goals, left, |v| {
+                    sweeps += 1;
+                    progress();
+                    Ok((v.to_vec(), self.diffuse_step(v)))
+                })?;
+                if sweeps >= max_sweeps {
+                    return Err(unfinished(settings));
+                }
+                let flow = self.specular.apply(self.points, &inner.x, &settings.chain);
+                let back = self.reflected(&flow.irradiance);
+                flows.push(flow);
+                let image = v.iter().zip(&inner.residual).zip(&back).map(|((v, r), b)| v - r - b).collect();
+                Ok((inner.x, image))
+            })?
+        };
+        if outcome.norm.iter().zip(&goals).any(|(norm, goal)| norm > goal || !norm.is_finite()) {
+            return Err(unfinished(settings));
+        }
+        let mut flow = ChainFlow::default();
+        for (step, share) in flows.iter().zip(&outcome.shares) {
+            flow.add_scaled(step, share);
+        }
+        Ok(Solved { radiance: outcome.x, flow, sweeps: sweeps as f64, rounds: flows.len() as u32 })
+    }
+
+    /// Progressive shooting.
+    pub fn solve_by_shooting(
+        &self,
+        settings: &FirstPassSettings,
+        progress: impl FnMut(),
+    ) -> Result<Solved> {
+        shooting::solve(self, settings, progress)
+    }
+}
+
+/// The error of a run that did not reach its tolerance.
+pub fn unfinished(settings: &FirstPassSettings) -> Error {
+    Error::Numerical(format!(
+        "the first pass did not come under a tolerance of {} in {} sweeps: raise max_sweeps or the tolerance, \
+         use the iterative solver, or, with the paper's kernel, sample more finely",
+        settings.tolerance, settings.max_sweeps
+    ))
+}

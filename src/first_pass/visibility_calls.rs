@@ -1,0 +1,118 @@
+//! How often the paper's algorithm, without a graph, would ask whether two points see each other
+//! (its Table 2), counted without following every path.
+
+use super::chain::lobe_of;
+use super::form_factor::plane_distances;
+use super::lobe::{Direction, slope_spread};
+use super::specular::{SpecularSet, tangents};
+use crate::points::{NO_POINT, SamplePoints};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Calls of h by EvaluateEFF and GlobSpecOp for all points: N (N - 1) from point to point, and one for
+/// every path j ... l, s and every point k in the cone at s, for chains of up to `longest`
+/// reflections. Points in the cone count whether they turn out to be visible or not; only reflection
+/// counts, as in the paper.
+pub fn count(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, longest: u32) -> f64 {
+    let n = points.len() as f64;
+    let mut calls = n * (n - 1.0).max(0.0);
+    let cones: Vec<Cones> = (0..specular.points.len())
+        .into_par_iter()
+        .map(|s| Cones::new(points, specular, tolerance, s))
+        .collect();
+    // Paths that arrive at s from each of its members; at first one from each.
+    let mut paths: Vec<Vec<f64>> = (specular.points.iter())
+        .map(|p| p.members.iter().map(|&m| f64::from(u8::from(m != NO_POINT))).collect())
+        .collect();
+    for _ in 0..longest {
+        let mut next: Vec<Vec<f64>> = paths.iter().map(|p| vec![0.0; p.len()]).collect();
+        for (s, cones) in cones.iter().enumerate() {
+            for (member, &arriving) in paths[s].iter().enumerate().filter(|(_, a)| **a > 0.0) {
+                calls += arriving * f64::from(cones.size[member]);
+                for &link in &cones.links[member] {
+                    let link = specular.points[s].links[link as usize];
+                    if link.back != NO_POINT {
+                        let target = link.point as usize;
+                        let place = specular.points[target].links[link.back as usize].member;
+                        next[target][place as usize] += arriving;
+                    }
+                }
+            }
+        }
+        paths = next;
+    }
+    calls
+}
+
+/// The reflection cones of one specular point, one for each member as the previous point.
+struct Cones {
+    /// Points in the cone.
+    size: Vec<u32>,
+    /// Links of the point in the cone.
+    links: Vec<Vec<u32>>,
+}
+
+impl Cones {
+    fn new(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, s: usize) -> Self {
+        let point = &specular.points[s];
+        let Some(material) = specular.material(point) else {
+            return Cones { size: Vec::new(), links: Vec::new() };
+        };
+        let m2 = lobe_of(point, material).1;
+        let facing = all_facing(points, tolerance, point.point as usize);
+        let (mut size, mut links) = (Vec::new(), Vec::new());
+        for (member, &l) in point.members.iter().enumerate() {
+            if l == NO_POINT {
+                size.push(0);
+                links.push(Vec::new());
+                continue;
+            }
+            let a = point.reflection.get(member);
+            let mut count = 0;
+            for g in facing.reach(&a, m2) {
+                if let Some((b, _)) = facing.lobe(&a, g, m2) {
+                    count += b.iter().filter(|b| **b > 0.0).count() as u32;
+                }
+            }
+            size.push(count);
+            let within = |link: &u32| {
+                let k = point.links[*link as usize].member as usize;
+                point.reflection.lobe_at(&a, k, m2).0 > 0.0
+            };
+            links.push((0..point.links.len() as u32).filter(within).collect());
+        }
+        Cones { size, links }
+    }
+}
+
+/// All points that `i` faces, visible or not, as directions.
+fn all_facing(points: &SamplePoints, tolerance: f32, i: usize) -> super::lobe::Directions {
+    let (x, y) = tangents(points.normal[i]);
+    let mut list = Vec::new();
+    for j in 0..points.len() {
+        let (d_i, d_j, r2) = plane_distances(points, i, j);
+        if d_i > tolerance && d_j > tolerance {
+            list.push(facing_direction(points, (i, j), (d_i, d_j, r2), (x, y)));
+        }
+    }
+    list.sort_by(|a, b| a.to[0].total_cmp(&b.to[0]));
+    super::lobe::Directions::new(&list)
+}
+
+/// Point `j` as a direction of point `i`, without a weight.
+pub fn facing_direction(
+    points: &SamplePoints,
+    (i, j): (usize, usize),
+    (d_i, d_j, r2): (f32, f32, f32),
+    (x, y): (Vec3, Vec3),
+) -> Direction {
+    let distance = r2.sqrt();
+    let w = (points.position[j] - points.position[i]) / distance;
+    let omega = |area: f32, d: f32| (area * d / (r2 * distance)).min(2.0 * std::f32::consts::PI);
+    Direction {
+        to: [w.dot(x), w.dot(y), d_i / distance],
+        spread: slope_spread(omega(points.area[j], d_j)),
+        blur: slope_spread(omega(points.area[i], d_i)).sqrt(),
+        weight: 0.0,
+    }
+}
