@@ -4,6 +4,11 @@
 //! and must agree but for rays that graze an edge within rounding.
 
 pub mod brute_force;
+pub mod crosscheck;
+pub mod embree;
+pub mod judge;
+
+pub use embree::EmbreeTracer;
 
 use crate::geometry::{Hit, Ray, SurfaceId};
 use glam::Vec3;
@@ -51,6 +56,7 @@ impl Segment {
     pub fn margin(&self) -> f32 {
         let largest = self.from.abs().max(self.to.abs()).max_element();
         let length = (self.to - self.from).length();
-        (32.0 * f32::EPSILON * largest / length).clamp(1e-6, 1e-2)
+        // Not `clamp`, which would let the NaN of a segment without length through.
+        (32.0 * f32::EPSILON * largest / length).max(1e-6).min(1e-2)
     }
 }
