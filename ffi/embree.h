@@ -13,7 +13,7 @@
 typedef struct lux_scene lux_scene;
 
 /* The ray origin + t direction for t in (t_min, t_max), m. Every float must be finite and at most
- * LUX_LARGEST in magnitude (t_max may be infinite) and t_min >= 0; a ray with t_max < t_min is skipped and hits nothing. */
+ * 1.8e18 in magnitude (Embree's limit) (t_max may be infinite) and t_min >= 0; a ray with t_max < t_min is skipped and hits nothing. */
 typedef struct lux_ray {
     float origin[3];
     float t_min;
@@ -31,13 +31,11 @@ typedef struct lux_hit {
     uint32_t half;
 } lux_hit;
 
-enum { LUX_MESSAGE_BYTES = 256 };
+/* Room for Embree's message. */
+#define LUX_MESSAGE_BYTES 256
 
 /* No quad. */
 #define LUX_MISS 0xFFFFFFFFu
-
-/* Embree refuses coordinates beyond this. */
-#define LUX_LARGEST 1.8e18
 
 /* The version of the library that is loaded as 10000 major + 100 minor + patch (31305 is 3.13.5);
  * 0 if no device can be made. */

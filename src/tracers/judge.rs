@@ -42,6 +42,17 @@ pub enum Verdict {
     },
 }
 
+impl Verdict {
+    /// Whether a tracer that answers `blocked` is wrong beyond rounding.
+    pub fn refutes(&self, blocked: bool) -> bool {
+        match self {
+            Verdict::Blocked { .. } => !blocked,
+            Verdict::Free => blocked,
+            Verdict::Grazing { .. } => false,
+        }
+    }
+}
+
 /// How a line meets one surface between two parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Crossing {

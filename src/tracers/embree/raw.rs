@@ -10,8 +10,8 @@ mod ffi {
 
 pub use ffi::{LUX_MISS, lux_hit, lux_ray};
 
-/// No coordinate may be larger; `f32`.
-pub const LARGEST: f32 = ffi::LUX_LARGEST as f32;
+/// The header's limit on coordinates, m: Embree refuses what is larger.
+pub const LARGEST: f32 = 1.8e18;
 
 /// A ray that hits nothing and is safe to hand over.
 pub const EMPTY_RAY: lux_ray =
