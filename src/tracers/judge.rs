@@ -21,7 +21,7 @@ use robust::{Coord3D, orient3d};
 
 /// Half-width of the band in units in the last place of an `f32` as large as the largest coordinate
 /// of the segment and the surface (or, for rays, of the stretch of ray that matters).
-pub const GRAZING_ULPS: f64 = 16.0;
+pub const GRAZING_ULPS: f64 = 4.0;
 
 /// What is true of a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]

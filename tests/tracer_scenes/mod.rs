@@ -25,11 +25,11 @@ pub fn room(boxes: usize, turn: f64) -> Geometry {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         f64::from(state >> 8) / f64::from(1 << 24)
     };
-    box_faces(DVec3::new(-3.0, -3.0, 0.0), DVec3::new(3.0, 3.0, 3.0), true).map(&mut face);
+    box_faces(DVec3::new(-3.0, -3.0, 0.0), DVec3::new(3.0, 3.0, 3.0), true).into_iter().for_each(&mut face);
     for _ in 0..boxes {
         let centre = DVec3::new(5.0 * random() - 2.5, 5.0 * random() - 2.5, 2.0 * random() + 0.5);
         let half = DVec3::new(random(), random(), random()) * 0.4 + 0.05;
-        box_faces(centre - half, centre + half, false).map(&mut face);
+        box_faces(centre - half, centre + half, false).into_iter().for_each(&mut face);
     }
     Geometry::new(shapes, vec!["room".into()])
 }

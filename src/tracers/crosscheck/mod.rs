@@ -95,8 +95,8 @@ fn check_blocked(geometry: &Geometry, tally: &mut Tally, probe: &Probe, answers:
 fn check_closest(geometry: &Geometry, tally: &mut Tally, probe: &Probe, ray: &Ray, answers: &[Option<Hit>]) {
     let surfaces: Vec<_> = answers.iter().map(|a| a.map(|h| h.surface)).collect();
     let agree = surfaces.iter().all(|&s| s == surfaces[0]);
-    if agree {
-        tally.measure_t(answers, ray.direction.length());
+    if let (true, Some(surface)) = (agree, surfaces[0]) {
+        tally.measure_t(answers, geometry.surface(surface).normal.dot(ray.direction).abs());
     }
     if agree && !probe.is_spot_check() {
         return;

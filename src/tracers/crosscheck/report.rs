@@ -90,7 +90,8 @@ pub struct CrosscheckReport {
     pub disagreements: u64,
     /// Of these, those that are some tracer's error.
     pub errors: u64,
-    /// Largest distance between the points that tracers give for the same surface on the same ray, m.
+    /// Largest distance, across the surface's plane, between the points that tracers give for the same surface on the
+    /// same ray, m.
     pub largest_t_difference_m: f64,
     /// Counts by class.
     pub classes: Vec<ClassCounts>,
@@ -152,12 +153,13 @@ impl Tally {
         self.classes[class as usize].rays += 1;
     }
 
-    /// Compares where the tracers meet the surface on which they agree.
-    pub fn measure_t(&mut self, answers: &[Option<Hit>], length: f64) {
+    /// Compares where the tracers meet the surface on which they agree; `speed` is how fast the ray parameter
+    /// moves away from its plane, m.
+    pub fn measure_t(&mut self, answers: &[Option<Hit>], speed: f64) {
         let t = answers.iter().flatten().map(|h| h.t);
         let (low, high) = t.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
         if high > low {
-            self.largest_t_difference = self.largest_t_difference.max((high - low) * length);
+            self.largest_t_difference = self.largest_t_difference.max((high - low) * speed);
         }
     }
 

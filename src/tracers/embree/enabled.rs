@@ -76,10 +76,15 @@ impl EmbreeTracer {
                 let side = side_met(surface, ray.direction);
                 return (t < ray.t_max).then_some(Hit { surface: SurfaceId(found.quad), t, side });
             }
-            // Each turn puts at least one triangle behind the start, so the loop ends.
-            let mut rest = [lux_ray { t_min: found.t.next_up(), ..query.ray }];
+            // Each turn puts at least one triangle behind the start, so the loop ends. A denormal would not:
+            // Embree runs with denormals taken as zero.
+            let beyond = found.t.max(f32::MIN_POSITIVE).next_up();
+            let mut rest = [lux_ray { t_min: beyond, ..query.ray }];
             let mut next = [NO_HIT];
             self.scene.closest(&mut rest, &mut next);
+            if next[0].t < beyond {
+                return None;
+            }
             found = next[0];
         }
     }
