@@ -54,7 +54,7 @@ fn points(geometry: &Geometry, elements: &[Element]) -> SamplePoints {
 
 fn solution(points: &SamplePoints, radiance: impl Fn(usize) -> [f32; 2]) -> DiffuseSolution {
     let radiance = (0..points.len()).flat_map(radiance).collect();
-    DiffuseSolution { wavelengths: wavelengths(2), radiance }
+    DiffuseSolution { wavelengths: wavelengths(2), radiance, stats: Default::default() }
 }
 
 fn at(field: &DiffuseField, surface: u32, side: Side, p: DVec3) -> [f32; 2] {

@@ -133,7 +133,7 @@ impl World {
             materials,
             surface_material: of.iter().map(|m| MaterialId(*m)).collect(),
         };
-        let solution = DiffuseSolution { wavelengths: wavelengths(), radiance };
+        let solution = DiffuseSolution { wavelengths: wavelengths(), radiance, stats: Default::default() };
         World { geometry, points, appearance, solution }
     }
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// A quadrilateral further out of plane than this fraction of its longest diagonal is treated as
 /// its two triangles (scene loaders split it, on Embree's diagonal v1-v3).
-pub const PLANARITY_TOLERANCE: f64 = 1e-5;
+pub const PLANARITY_TOLERANCE: f64 = 1e-6;
 
 /// The kinds of surface. `v` counts counter-clockwise as seen from the front.
 #[derive(Clone, Copy, Debug, PartialEq)]

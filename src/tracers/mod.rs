@@ -4,8 +4,16 @@
 //! and must agree but for rays that graze an edge within rounding.
 
 pub mod brute_force;
+mod choose;
+pub mod crosscheck;
 pub mod edges;
+pub mod embree;
+pub mod judge;
 pub mod voxel;
+
+pub use choose::{TracerChoice, choose};
+pub use embree::EmbreeTracer;
+pub use voxel::VoxelTracer;
 
 use crate::geometry::{Hit, Ray, SurfaceId};
 use glam::Vec3;

@@ -1,0 +1,59 @@
+/* luxgraph's interface to Intel Embree 3.13 and 4.x: plain floats and ids, nothing of Embree's own
+ * structs, whose layout depends on its version and build flags. Read by bindgen, implemented by embree.c.
+ *
+ * Contract of every call: pointers are valid for the stated counts; a scene is not changed after
+ * lux_scene_new, so the queries may be called on one scene from many threads at once.
+ * No call keeps a pointer after it returns. Nothing unwinds. */
+#ifndef LUXGRAPH_EMBREE_H
+#define LUXGRAPH_EMBREE_H
+
+#include <stdint.h>
+
+/* The surfaces, ready for rays. */
+typedef struct lux_scene lux_scene;
+
+/* The ray origin + t direction for t in (t_min, t_max), m. Every float must be finite and at most
+ * 1.8e18 in magnitude (Embree's limit) (t_max may be infinite) and t_min >= 0; a ray with t_max < t_min is skipped and hits nothing. */
+typedef struct lux_ray {
+    float origin[3];
+    float t_min;
+    float direction[3];
+    float t_max;
+} lux_ray;
+
+/* Where a ray meets a quad first. */
+typedef struct lux_hit {
+    /* Ray parameter. */
+    float t;
+    /* Index of the quad, or LUX_MISS. */
+    uint32_t quad;
+    /* 1 in the triangle v2 v3 v1 of the quad, 0 in v0 v1 v3. */
+    uint32_t half;
+} lux_hit;
+
+/* Room for Embree's message. */
+#define LUX_MESSAGE_BYTES 256
+
+/* No quad. */
+#define LUX_MISS 0xFFFFFFFFu
+
+/* The version of the library that is loaded as 10000 major + 100 minor + patch (31305 is 3.13.5);
+ * 0 if no device can be made. */
+uint32_t lux_version(void);
+
+/* A scene of quad_count convex quads, quads[4 i ... 4 i + 3] indexing vertices of three floats each; a triangle
+ * repeats its last index. Copies everything. On failure returns NULL and writes Embree's reason to
+ * message (at least LUX_MESSAGE_BYTES, always terminated). */
+lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uint32_t *quads,
+                         uint64_t quad_count, char *message);
+
+/* Frees a scene; NULL is allowed. */
+void lux_scene_free(lux_scene *scene);
+
+/* The closest hit of each of count rays. */
+void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lux_hit *hits);
+
+/* Whether anything blocks each of count rays: 1 or 0. */
+void lux_occluded(const lux_scene *scene, const lux_ray *rays, uint64_t count, uint8_t *blocked);
+
+#endif

@@ -1,0 +1,204 @@
+//! What a crosscheck found: counts per class of ray, and the disagreements themselves.
+
+use super::probes::{Probe, ProbeClass};
+use crate::geometry::Hit;
+use serde::Serialize;
+
+/// At most this many disagreements are listed, those that are somebody's error first; all are counted.
+pub const LISTED: usize = 100;
+
+/// What the tracers were asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Question {
+    /// Is the segment blocked?
+    Blocked,
+    /// Which surface does the ray meet first?
+    Closest,
+}
+
+/// One question on which the tracers differ, or agree and are certainly wrong.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Disagreement {
+    /// Number of the ray.
+    pub ray: u64,
+    /// Kind of ray.
+    pub class: ProbeClass,
+    /// What was asked.
+    pub question: Question,
+    /// Start, local coordinates, m.
+    pub from: [f32; 3],
+    /// End (for the closest hit: a point on the ray), m.
+    pub to: [f32; 3],
+    /// What each tracer said.
+    pub answers: Vec<String>,
+    /// For each tracer, whether it is wrong beyond rounding.
+    pub wrong: Vec<bool>,
+    /// The judge's answer: what blocks in exact arithmetic, or all defensible closest surfaces. Empty: nothing.
+    pub judged: Vec<u32>,
+    /// For a segment that grazes: how far the nearest decision is from changing, m.
+    pub clearance_m: Option<f64>,
+}
+
+impl Disagreement {
+    /// About `probe`, with nothing said yet.
+    pub(super) fn about(probe: &Probe, question: Question) -> Self {
+        Disagreement {
+            ray: probe.index,
+            class: probe.class,
+            question,
+            from: probe.segment.from.to_array(),
+            to: probe.segment.to.to_array(),
+            answers: Vec::new(),
+            wrong: Vec::new(),
+            judged: Vec::new(),
+            clearance_m: None,
+        }
+    }
+
+    /// Whether some tracer is wrong beyond rounding.
+    pub fn is_error(&self) -> bool {
+        self.wrong.contains(&true)
+    }
+}
+
+/// Counts for one class of ray.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClassCounts {
+    /// The class.
+    pub class: ProbeClass,
+    /// Rays asked about, each with both questions.
+    pub rays: u64,
+    /// Segments on which the tracers differ within rounding.
+    pub blocked_grazing: u64,
+    /// Closest hits on which the tracers differ within rounding, or that coincide.
+    pub closest_grazing: u64,
+    /// Per tracer: questions answered wrongly beyond rounding.
+    pub errors: Vec<u64>,
+}
+
+/// The report of a crosscheck.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CrosscheckReport {
+    /// Names of the tracers, in the order of all lists.
+    pub tracers: Vec<String>,
+    /// The seed.
+    pub seed: u64,
+    /// Rays asked about.
+    pub rays: u64,
+    /// All disagreements, listed or not.
+    pub disagreements: u64,
+    /// Of these, those that are some tracer's error.
+    pub errors: u64,
+    /// Largest distance, across the surface's plane, between the points that tracers give for the same surface on the
+    /// same ray, m.
+    pub largest_t_difference_m: f64,
+    /// Counts by class.
+    pub classes: Vec<ClassCounts>,
+    /// The first [`LISTED`] disagreements, errors first.
+    pub listed: Vec<Disagreement>,
+}
+
+impl CrosscheckReport {
+    /// Adds up `tallies` in their order.
+    pub(super) fn new(tracers: Vec<String>, seed: u64, tallies: Vec<Tally>) -> Self {
+        let mut total = Tally::new(tracers.len());
+        for tally in tallies {
+            total.add(tally);
+        }
+        let errors_first = total.errors.into_iter().chain(total.grazing);
+        CrosscheckReport {
+            tracers,
+            seed,
+            rays: total.classes.iter().map(|c| c.rays).sum(),
+            disagreements: total.disagreements,
+            errors: total.error_count,
+            largest_t_difference_m: total.largest_t_difference,
+            listed: errors_first.take(LISTED).collect(),
+            classes: total.classes,
+        }
+    }
+}
+
+/// The counts of some of the rays.
+pub(super) struct Tally {
+    classes: Vec<ClassCounts>,
+    disagreements: u64,
+    error_count: u64,
+    errors: Vec<Disagreement>,
+    grazing: Vec<Disagreement>,
+    largest_t_difference: f64,
+}
+
+impl Tally {
+    pub fn new(tracers: usize) -> Self {
+        let counts = |class| ClassCounts {
+            class,
+            rays: 0,
+            blocked_grazing: 0,
+            closest_grazing: 0,
+            errors: vec![0; tracers],
+        };
+        Tally {
+            classes: ProbeClass::ALL.map(counts).to_vec(),
+            disagreements: 0,
+            error_count: 0,
+            errors: Vec::new(),
+            grazing: Vec::new(),
+            largest_t_difference: 0.0,
+        }
+    }
+
+    pub fn count_ray(&mut self, class: ProbeClass) {
+        self.classes[class as usize].rays += 1;
+    }
+
+    /// Compares where the tracers meet the surface on which they agree; `speed` is how fast the ray parameter
+    /// moves away from its plane, m.
+    pub fn measure_t(&mut self, answers: &[Option<Hit>], speed: f64) {
+        let t = answers.iter().flatten().map(|h| h.t);
+        let (low, high) = t.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
+        if high > low {
+            self.largest_t_difference = self.largest_t_difference.max((high - low) * speed);
+        }
+    }
+
+    pub fn count_disagreement(&mut self, disagreement: Disagreement) {
+        let counts = &mut self.classes[disagreement.class as usize];
+        self.disagreements += 1;
+        let list = if disagreement.is_error() {
+            self.error_count += 1;
+            for (count, &wrong) in counts.errors.iter_mut().zip(&disagreement.wrong) {
+                *count += u64::from(wrong);
+            }
+            &mut self.errors
+        } else {
+            match disagreement.question {
+                Question::Blocked => counts.blocked_grazing += 1,
+                Question::Closest => counts.closest_grazing += 1,
+            }
+            &mut self.grazing
+        };
+        if list.len() < LISTED {
+            list.push(disagreement);
+        }
+    }
+
+    fn add(&mut self, other: Tally) {
+        for (mine, its) in self.classes.iter_mut().zip(other.classes) {
+            mine.rays += its.rays;
+            mine.blocked_grazing += its.blocked_grazing;
+            mine.closest_grazing += its.closest_grazing;
+            for (mine, its) in mine.errors.iter_mut().zip(its.errors) {
+                *mine += its;
+            }
+        }
+        self.disagreements += other.disagreements;
+        self.error_count += other.error_count;
+        self.errors.extend(other.errors);
+        self.errors.truncate(LISTED);
+        self.grazing.extend(other.grazing);
+        self.grazing.truncate(LISTED);
+        self.largest_t_difference = self.largest_t_difference.max(other.largest_t_difference);
+    }
+}

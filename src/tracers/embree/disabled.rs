@@ -1,0 +1,40 @@
+//! The stand-in of a build without Embree: same signatures, a clear error.
+
+use crate::error::{Error, Result};
+use crate::geometry::{Hit, Ray, SurfaceId};
+use crate::scene::Geometry;
+use crate::tracers::{RayTracer, Segment};
+use std::convert::Infallible;
+
+/// The version of Embree that is loaded: none in this build.
+pub fn available() -> Option<String> {
+    None
+}
+
+/// A tracer that cannot exist in this build.
+pub struct EmbreeTracer(Infallible);
+
+impl EmbreeTracer {
+    /// Fails and says how to build Embree in.
+    pub fn new(_geometry: &Geometry) -> Result<Self> {
+        Err(Error::Tracer(
+            "Embree is not in this build: build with `--features embree` (Debian and Ubuntu: apt install \
+             libembree-dev libclang-dev) or choose the voxel tracer"
+                .into(),
+        ))
+    }
+}
+
+impl RayTracer for EmbreeTracer {
+    fn name(&self) -> String {
+        match self.0 {}
+    }
+
+    fn closest(&self, _ray: &Ray) -> Option<Hit> {
+        match self.0 {}
+    }
+
+    fn blocker(&self, _segment: &Segment) -> Option<SurfaceId> {
+        match self.0 {}
+    }
+}

@@ -1,0 +1,101 @@
+//! Safe calls over `ffi/embree.h`: an owning scene handle and batches as slices.
+
+use std::ffi::{CStr, c_char};
+use std::ptr::NonNull;
+
+#[allow(dead_code, missing_docs, non_camel_case_types, non_upper_case_globals)]
+mod ffi {
+    include!(concat!(env!("OUT_DIR"), "/embree.rs"));
+}
+
+pub use ffi::{LUX_MISS, lux_hit, lux_ray};
+
+/// The header's limit on coordinates, m: Embree refuses what is larger.
+pub const LARGEST: f32 = 1.8e18;
+
+/// A ray that hits nothing and is safe to hand over.
+pub const EMPTY_RAY: lux_ray =
+    lux_ray { origin: [0.0; 3], t_min: 0.0, direction: [0.0, 0.0, 1.0], t_max: -1.0 };
+
+/// What [`Scene::closest`] gives for a ray that hits nothing.
+pub const NO_HIT: lux_hit = lux_hit { t: 0.0, quad: LUX_MISS, half: 0 };
+
+/// The version of the loaded library, 10000 major + 100 minor + patch, or `None` if it refuses to start.
+pub fn version() -> Option<u32> {
+    // SAFETY: takes nothing, and the device it makes is released before it returns.
+    let version = unsafe { ffi::lux_version() };
+    (version != 0).then_some(version)
+}
+
+/// A committed Embree scene.
+pub struct Scene {
+    handle: NonNull<ffi::lux_scene>,
+}
+
+// SAFETY: the handle owns its device and scene alone, and Embree ties neither to the thread that made it.
+unsafe impl Send for Scene {}
+// SAFETY: nothing changes the scene after `new`, and Embree documents queries on a committed scene as thread safe;
+// the C side keeps all state of a query on its stack.
+unsafe impl Sync for Scene {}
+
+impl Scene {
+    /// Builds a scene of `quads` (indices into `vertices`). The error is Embree's message.
+    pub fn new(vertices: &[[f32; 3]], quads: &[[u32; 4]]) -> Result<Self, String> {
+        debug_assert!(quads.iter().flatten().all(|&i| (i as usize) < vertices.len()));
+        let mut message = [0 as c_char; ffi::LUX_MESSAGE_BYTES as usize];
+        // SAFETY: both arrays are valid for the counts given and are only read during the call; `message` has the
+        // length the header asks for.
+        let handle = unsafe {
+            ffi::lux_scene_new(
+                vertices.as_ptr().cast(),
+                vertices.len() as u64,
+                quads.as_ptr().cast(),
+                quads.len() as u64,
+                message.as_mut_ptr(),
+            )
+        };
+        NonNull::new(handle).map(|handle| Scene { handle }).ok_or_else(|| {
+            // SAFETY: the header promises a terminated string in `message`, which outlives this borrow.
+            unsafe { CStr::from_ptr(message.as_ptr()) }.to_string_lossy().into_owned()
+        })
+    }
+
+    /// The closest hit of each ray. Rays that Embree must not see become empty.
+    pub fn closest(&self, rays: &mut [lux_ray], hits: &mut [lux_hit]) {
+        let count = rays.len().min(hits.len());
+        empty_unsafe(rays);
+        // SAFETY: the handle is live until `drop`; both slices hold at least `count` items; every float is within
+        // the header's limits after `empty_unsafe`.
+        unsafe {
+            ffi::lux_closest(self.handle.as_ptr(), rays.as_ptr(), count as u64, hits.as_mut_ptr());
+        }
+    }
+
+    /// Whether something blocks each ray, 1 or 0. Rays that Embree must not see become empty.
+    pub fn occluded(&self, rays: &mut [lux_ray], blocked: &mut [u8]) {
+        let count = rays.len().min(blocked.len());
+        empty_unsafe(rays);
+        // SAFETY: as in `closest`.
+        unsafe {
+            ffi::lux_occluded(self.handle.as_ptr(), rays.as_ptr(), count as u64, blocked.as_mut_ptr());
+        }
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        // SAFETY: the handle came from `lux_scene_new` and is freed here once.
+        unsafe { ffi::lux_scene_free(self.handle.as_ptr()) }
+    }
+}
+
+/// Debian's Embree 3 is built with assertions: one NaN or infinity in a ray would end the process.
+fn empty_unsafe(rays: &mut [lux_ray]) {
+    for ray in rays {
+        let small = |v: [f32; 3]| v.iter().all(|x| x.abs() <= LARGEST);
+        let sound = small(ray.origin) & small(ray.direction) & (ray.t_min >= 0.0) & (ray.t_min <= ray.t_max);
+        if !sound {
+            *ray = EMPTY_RAY;
+        }
+    }
+}

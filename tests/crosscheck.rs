@@ -1,0 +1,70 @@
+//! Does the crosscheck find what is wrong, and nothing else?
+
+mod tracer_scenes;
+
+use luxgraph::geometry::{Hit, Ray, SurfaceId};
+use luxgraph::observer::Silent;
+use luxgraph::scene::Geometry;
+use luxgraph::tracers::brute_force::BruteForce;
+use luxgraph::tracers::crosscheck::{CrosscheckReport, ProbeClass, Question, crosscheck};
+use luxgraph::tracers::{RayTracer, Segment};
+use tracer_scenes::room;
+
+/// Cannot see one surface.
+struct Blind<'a>(BruteForce<'a>, SurfaceId);
+
+impl RayTracer for Blind<'_> {
+    fn name(&self) -> String {
+        "blind".into()
+    }
+
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        self.0.closest(ray).filter(|hit| hit.surface != self.1)
+    }
+
+    fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
+        self.0.blocker(segment).filter(|&surface| surface != self.1)
+    }
+}
+
+fn brute_force_alone(geometry: &Geometry, threads: usize) -> CrosscheckReport {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let (sound, blind) = (BruteForce::new(geometry), Blind(BruteForce::new(geometry), SurfaceId(2)));
+    pool.install(|| crosscheck(geometry, &[&sound, &blind], 6_000, 5, &Silent))
+}
+
+#[test]
+fn brute_force_is_never_refuted_by_the_judge() {
+    for turn in [0.0, 0.4] {
+        let geometry = room(6, turn);
+        let report = crosscheck(&geometry, &[&BruteForce::new(&geometry)], 20_000, 1, &Silent);
+        assert_eq!(report.errors, 0, "{:#?}", report.listed.first());
+        assert_eq!(report.rays, 20_000);
+        assert!(report.classes.iter().all(|c| c.rays >= 2_000));
+    }
+}
+
+#[test]
+fn a_tracer_that_misses_a_surface_is_found_and_blamed() {
+    let geometry = room(6, 0.4);
+    let report = brute_force_alone(&geometry, 2);
+    let random = report.classes.iter().find(|c| c.class == ProbeClass::Random).unwrap();
+    assert!(random.errors[1] > 50, "{random:?}");
+    assert!(report.classes.iter().all(|c| c.errors[0] == 0));
+    assert!(report.listed[0].is_error());
+    assert!(report.listed.iter().any(|d| d.question == Question::Closest && d.judged.contains(&2)));
+}
+
+#[test]
+fn the_report_does_not_depend_on_the_number_of_threads() {
+    let geometry = room(4, 0.3);
+    let [one, three] = [1, 3].map(|n| serde_json::to_string(&brute_force_alone(&geometry, n)).unwrap());
+    assert_eq!(one, three);
+}
+
+#[test]
+fn a_scene_without_surfaces_gives_an_empty_report() {
+    let geometry = Geometry::new(Vec::new(), Vec::new());
+    let report = crosscheck(&geometry, &[&BruteForce::new(&geometry)], 1000, 1, &Silent);
+    assert_eq!((report.rays, report.disagreements), (0, 0));
+}
