@@ -63,7 +63,7 @@ fn what_is_saved_is_what_is_loaded() {
 
 #[test]
 fn any_flipped_bit_is_noticed() {
-    let Saved { points, path, .. } = saved();
+    let Saved { points, path, folder: _folder, .. } = saved();
     let bytes = std::fs::read(&path).unwrap();
     let step = bytes.len() / 300;
     for place in (0..76).chain((76..bytes.len()).step_by(step)).chain(bytes.len() - 32..bytes.len()) {
@@ -77,7 +77,7 @@ fn any_flipped_bit_is_noticed() {
 
 #[test]
 fn any_missing_or_added_byte_is_noticed() {
-    let Saved { points, path, .. } = saved();
+    let Saved { points, path, folder: _folder, .. } = saved();
     let bytes = std::fs::read(&path).unwrap();
     for length in [0, 7, 8, 43, 75, 76, 107, 108, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(&path, &bytes[..length]).unwrap();
@@ -91,7 +91,7 @@ fn any_missing_or_added_byte_is_noticed() {
 
 #[test]
 fn sizes_that_lie_allocate_nothing() {
-    let Saved { points, path, .. } = saved();
+    let Saved { points, path, folder: _folder, .. } = saved();
     let bytes = std::fs::read(&path).unwrap();
     for size in [u64::MAX, u64::MAX / 2, 1 << 62, 1 << 40] {
         for place in [44, 52, 60] {
