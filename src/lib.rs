@@ -51,6 +51,7 @@ pub mod points;
 pub mod report;
 pub mod scene;
 pub mod second_pass;
+pub mod settings;
 pub mod spectrum;
 pub mod tracers;
 pub mod visibility;

@@ -1,1 +1,101 @@
-//! The stages in order.
+//! The stages in order, and nothing else: each borrows what it needs and returns one product.
+
+use crate::error::Result;
+use crate::first_pass::{self, DiffuseSolution};
+use crate::observer::Observer;
+use crate::points::{self, SamplePoints, Sampling};
+use crate::scene::{Appearance, Camera, Geometry, SampledAppearance};
+use crate::second_pass::{self, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage};
+use crate::settings::Settings;
+use crate::tracers::RayTracer;
+use crate::visibility::VisibilityGraph;
+use crate::voxels::Voxels;
+use std::path::Path;
+
+/// All that depends on geometry alone and survives every change of appearance.
+pub struct Prepared {
+    /// Space, divided for the graph.
+    pub voxels: Voxels,
+    /// The sample points.
+    pub points: SamplePoints,
+    /// What they see of each other.
+    pub graph: VisibilityGraph,
+    /// How a view reads radiance between them.
+    pub interpolator: Interpolator,
+    /// Whether the graph was read from a file instead of being built.
+    pub graph_loaded: bool,
+}
+
+/// Rounds of graph-driven refinement (4.2.2) after which a scene is taken as it is.
+const REFINEMENT_ROUNDS: usize = 4;
+
+/// Scene geometry -> sample points -> visibility graph, refined where points that see each
+/// other are too close (4.2.2). With `graph_file` the graph is read from there if the file
+/// exists, and written there if not.
+pub fn prepare(
+    geometry: &Geometry,
+    sampling: &Sampling,
+    settings: &Settings,
+    tracer: &dyn RayTracer,
+    graph_file: Option<&Path>,
+    observer: &dyn Observer,
+) -> Result<Prepared> {
+    let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
+    let voxels = Voxels::build(geometry, &settings.voxels);
+    let mut points = points::sample(geometry, &sampling, &voxels)?;
+    if let Some(path) = graph_file.filter(|p| p.exists()) {
+        // A graph of refined points carries its elements; plain sampling is checked by key.
+        let graph = VisibilityGraph::load(path, &points)?;
+        let interpolator = Interpolator::new(geometry, &points);
+        return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
+    }
+    let mut graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
+    for _ in 0..REFINEMENT_ROUNDS {
+        let Some(elements) = points::refine(geometry, &sampling, &points, |i, j| graph.unblocked(i, j))?
+        else {
+            break;
+        };
+        points = SamplePoints::new(geometry, &elements, voxels.len(), |p| voxels.locate(p));
+        graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
+    }
+    if let Some(path) = graph_file {
+        graph.save(path)?;
+    }
+    let interpolator = Interpolator::new(geometry, &points);
+    Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
+}
+
+/// Graph and appearance -> global diffuse radiance. Casts no ray: it is given no tracer.
+pub fn light(
+    geometry: &Geometry,
+    prepared: &Prepared,
+    appearance: &Appearance,
+    settings: &Settings,
+    observer: &dyn Observer,
+) -> Result<(SampledAppearance, DiffuseSolution)> {
+    let appearance = appearance.sample(geometry, &settings.wavelengths, settings.fresnel_entries);
+    let solution = first_pass::solve(
+        geometry,
+        &prepared.points,
+        &prepared.graph,
+        &appearance,
+        &settings.first_pass,
+        observer,
+    )?;
+    Ok((appearance, solution))
+}
+
+/// Diffuse radiance -> image.
+pub fn view(
+    geometry: &Geometry,
+    prepared: &Prepared,
+    lit: &(SampledAppearance, DiffuseSolution),
+    camera: &Camera,
+    tracer: &dyn RayTracer,
+    settings: &SecondPassSettings,
+    observer: &dyn Observer,
+) -> Result<(SpectralImage, SecondPassStats)> {
+    let (appearance, solution) = lit;
+    let scene = LitScene { geometry, interpolator: &prepared.interpolator, appearance, solution };
+    second_pass::render(&scene, camera, tracer, settings, observer)
+}

@@ -93,8 +93,7 @@ impl SpecularSet {
     /// One bounce of all points: adds to irradiance and flows, returns what goes on to others.
     fn bounce(&self, bounce: &Bounce, sums: &mut [f64], flow: &mut ChainFlow) -> State {
         let (w, bands) = (self.wavelengths, self.bands());
-        let mut next: State =
-            self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
+        let mut next: State = self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
         for first in (0..self.points.len()).step_by(BLOCK) {
             let block = first..(first + BLOCK).min(self.points.len());
             let outgoing: Vec<Outgoing> = block.clone().into_par_iter().map(|s| bounce.outgoing(s)).collect();

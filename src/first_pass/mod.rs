@@ -163,7 +163,8 @@ fn refuse_negative(radiance: &mut [f32], system: &System, settings: &FirstPassSe
     let emitted = system.flux(&system.emission);
     let whole = system.flux(radiance);
     for (k, negative) in system.flux(&negative).into_iter().enumerate() {
-        if !whole[k].is_finite() || negative > (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k]) {
+        if !whole[k].is_finite() || negative > (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k])
+        {
             return Err(shooting::diverged());
         }
         radiance[k * n..(k + 1) * n].iter_mut().for_each(|l| *l = l.max(0.0));

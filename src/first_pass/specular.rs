@@ -168,13 +168,12 @@ impl SpecularSet {
                 .flatten();
             let mut members = visible(points, graph, kernel, tolerance, i);
             add_cells(&mut members);
-            members.sort_by(|a, b| {
-                a.direction.to[0].total_cmp(&b.direction.to[0]).then(a.point.cmp(&b.point))
-            });
+            members
+                .sort_by(|a, b| a.direction.to[0].total_cmp(&b.direction.to[0]).then(a.point.cmp(&b.point)));
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
             let n2 = materials[material].as_ref().map_or(1.0, |m| m.n2);
-            let attenuates = inside(i)
-                || members.iter().any(|m| m.point != NO_POINT && inside(m.point as usize));
+            let attenuates =
+                inside(i) || members.iter().any(|m| m.point != NO_POINT && inside(m.point as usize));
             let mut links: Vec<Link> = members
                 .iter()
                 .enumerate()
@@ -296,10 +295,7 @@ fn visible(
             q_in,
             q_out: projected_solid_angle(points, j, i, analytic),
             distance: r2.sqrt(),
-            direction: Direction {
-                weight: q_in,
-                ..facing_direction(points, (i, j), (d_i, d_j, r2), (x, y))
-            },
+            direction: Direction { weight: q_in, ..facing_direction(points, (i, j), (d_i, d_j, r2), (x, y)) },
         });
     }
     members

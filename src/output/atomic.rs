@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Writes `bytes` beside `path` and then renames the file, so that nobody ever sees half of it and
 /// an older file survives a failure.
-pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let Some(name) = path.file_name() else {
         return Err(Error::io(path, "this names no file; give a file name"));
     };

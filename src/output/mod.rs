@@ -1,6 +1,6 @@
 //! Images to files, and images against images.
 
-mod atomic;
+pub(crate) mod atomic;
 mod compare;
 pub mod exr;
 mod linear;

@@ -92,6 +92,11 @@ pub struct SecondPassStats {
 }
 
 impl SecondPassStats {
+    /// All rays cast.
+    pub fn rays(&self) -> u64 {
+        self.camera_rays + self.reflected_rays + self.transmitted_rays
+    }
+
     /// Adds the counts of another part of the image. `cut_share` is a plain sum until
     /// it is divided by the number of camera rays.
     pub(super) fn add(&mut self, other: &SecondPassStats) {

@@ -41,7 +41,8 @@ impl EmbreeTracer {
     /// [`Error::Tracer`] if a vertex is not finite or beyond 1.8e18 m, if there are too many
     /// surfaces for 32-bit indices, or with Embree's own message.
     pub fn new(geometry: &Geometry) -> Result<Self> {
-        let too_many = || Error::Tracer(format!("{} surfaces are too many for Embree", geometry.surfaces.len()));
+        let too_many =
+            || Error::Tracer(format!("{} surfaces are too many for Embree", geometry.surfaces.len()));
         let vertex_count = u32::try_from(4 * geometry.surfaces.len()).map_err(|_| too_many())?;
         let mut vertices = Vec::with_capacity(vertex_count as usize);
         let mut quads = Vec::with_capacity(geometry.surfaces.len());

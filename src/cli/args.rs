@@ -1,0 +1,259 @@
+//! The command line as typed.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Computes the light in a scene by two passes over a visibility graph.
+#[derive(Debug, Parser)]
+#[command(name = "luxgraph", version, about, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a scene to an EXR and a PNG
+    Render(Render),
+    /// Render many appearances over one visibility graph: the first pass casts no ray
+    Relight(Relight),
+    /// Put the ray tracers side by side, with an exact judge on every disagreement
+    Crosscheck(Crosscheck),
+    /// Tell what this build has and what a scene consists of and requires
+    Info(Info),
+    /// Measure, beside the paper
+    Bench(Bench),
+}
+
+/// `render`
+#[derive(Debug, Args)]
+pub struct Render {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Image in linear RGB, Y in cd/m²; a PNG of the same name is written beside it
+    #[arg(short, long, value_name = "OUT.exr")]
+    pub output: Option<PathBuf>,
+    /// Where the PNG goes instead
+    #[arg(long, value_name = "OUT.png")]
+    pub preview: Option<PathBuf>,
+    /// Change the scene's materials first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// Options common to render and relight.
+    #[command(flatten)]
+    pub options: Options,
+    /// Go on with a render of the same scene and settings that was interrupted
+    #[arg(long)]
+    pub resume: bool,
+}
+
+/// `relight`
+#[derive(Debug, Args)]
+pub struct Relight {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// A change of appearance; each one gives an image named after it
+    #[arg(long, value_name = "CHANGES.toml", required = true)]
+    pub changes: Vec<PathBuf>,
+    /// Folder for the images
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Options common to render and relight.
+    #[command(flatten)]
+    pub options: Options,
+}
+
+/// Options common to `render` and `relight`.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Camera of the scene file [default: its first]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height of the image in pixels [default: the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Preset that the other options then change
+    #[arg(long, value_enum, default_value_t = QualityArg::Standard)]
+    pub quality: QualityArg,
+    /// Where the second pass takes the diffuse light at a hit from
+    #[arg(long, value_enum, default_value_t = SecondPassArg::Interpolate)]
+    pub second_pass: SecondPassArg,
+    /// Show the first pass alone (the paper's figures 7 and 8) or both (figure 9)
+    #[arg(long, value_enum, default_value_t = PassesArg::Both)]
+    pub passes: PassesArg,
+    /// Samples a pixel [default: the preset's, 16 in standard]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub samples: Option<u32>,
+    /// Seed of the second pass
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// meyer4, or how many equal bands from 380 to 780 nm [default: the preset's, meyer4 in standard]
+    #[arg(long, value_name = "meyer4|N")]
+    pub wavelengths: Option<String>,
+    /// Form factors: exact where an element subtends much, or the paper's plain kernel everywhere
+    #[arg(long, value_enum)]
+    pub kernel: Option<KernelArg>,
+    /// How the first pass is solved
+    #[arg(long, value_enum)]
+    pub solver: Option<SolverArg>,
+    /// Stop the solution when this share of the emitted flux is not yet absorbed
+    #[arg(long, value_name = "SHARE")]
+    pub tolerance: Option<f64>,
+    /// Longest specular chain (the paper's lgmax) [default: as long as the tolerance asks]
+    #[arg(long, value_name = "N")]
+    pub lg_max: Option<u32>,
+    /// End specular chains that carry less than this (the paper's EFFMIN) [default: 0]
+    #[arg(long, value_name = "SHARE")]
+    pub eff_min: Option<f64>,
+    /// Ray tracer
+    #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+    pub tracer: TracerArg,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Keep the visibility graph: read it from this file if it exists, write it if not
+    #[arg(long, value_name = "FILE")]
+    pub graph: Option<PathBuf>,
+    /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
+    #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
+    pub exposure: String,
+    /// Add the spectral channels and CIE XYZ to the EXR
+    #[arg(long)]
+    pub spectral: bool,
+    /// Write what was done, with times and counts, as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// `crosscheck`
+#[derive(Debug, Args)]
+pub struct Crosscheck {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Segments to try, half of them adversarial
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    pub rays: u64,
+    /// Seed of the segments
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write every disagreement as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// `info`
+#[derive(Debug, Args)]
+pub struct Info {
+    /// Scene file; without it, what this build has
+    pub scene: Option<PathBuf>,
+    /// Write the same as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// `bench`
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// What to measure
+    #[command(subcommand)]
+    pub what: BenchWhat,
+}
+
+/// What `bench` can measure.
+#[derive(Debug, Subcommand)]
+pub enum BenchWhat {
+    /// The paper's Tables 1 and 2 beside ours
+    Paper {
+        /// Scene file
+        #[arg(default_value = "scenes/paper_room.toml")]
+        scene: PathBuf,
+        /// Ray tracer
+        #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+        tracer: TracerArg,
+        /// Threads [default: one for each processor]
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+        threads: Option<u16>,
+        /// Write the figures as JSON
+        #[arg(long, value_name = "OUT.json")]
+        report: Option<PathBuf>,
+    },
+}
+
+/// `--tracer`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TracerArg {
+    /// Embree where it is built in, else voxel
+    Auto,
+    /// Intel Embree
+    Embree,
+    /// The paper's walk through voxels
+    Voxel,
+}
+
+/// `--quality`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum QualityArg {
+    /// A quarter of the points, 4 samples a pixel
+    Draft,
+    /// The paper's kernel, four wavelengths, Fresnel tables of 20 entries
+    Paper,
+    /// The scene's own sampling, exact near form factors, 16 samples a pixel
+    Standard,
+    /// Four times the points, 16 wavelengths, 64 samples a pixel
+    High,
+}
+
+/// `--second-pass`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SecondPassArg {
+    /// The paper's: from the four closest sample points on the same surface
+    Interpolate,
+}
+
+/// `--passes`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PassesArg {
+    /// The global diffuse radiance alone
+    First,
+    /// With the specular light of the view
+    Both,
+}
+
+/// `--kernel`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum KernelArg {
+    /// Exact point-to-polygon factors where an element subtends much
+    Analytic,
+    /// Centre to centre everywhere
+    Paper,
+}
+
+/// `--solver`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SolverArg {
+    /// All points at once, to the tolerance
+    Iterative,
+    /// Brightest first, progressively
+    Shooting,
+}
+
+/// Reads `640x480`.
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    match parsed {
+        Some([w, h])
+            if (1..=65536).contains(&w)
+                && (1..=65536).contains(&h)
+                && u64::from(w) * u64::from(h) <= 1 << 28 =>
+        {
+            Ok([w, h])
+        }
+        Some(_) => Err("each side must be 1 to 65536 pixels, and the image at most 268 million".into()),
+        None => Err("write it as WIDTHxHEIGHT, for example 640x480".into()),
+    }
+}

@@ -1,0 +1,42 @@
+//! `luxgraph crosscheck`
+
+use super::args::Crosscheck;
+use super::progress::Bars;
+use luxgraph::error::Result;
+use luxgraph::report::write_json;
+use luxgraph::scene;
+use luxgraph::tracers::{RayTracer, crosscheck, embree, voxel::VoxelTracer};
+
+/// Puts all tracers of this build side by side.
+pub fn run(args: &Crosscheck) -> Result<()> {
+    let scene = scene::load(&args.scene)?;
+    for note in &scene.notes {
+        eprintln!("note: {note}");
+    }
+    let voxel = VoxelTracer::new(&scene.geometry);
+    let embree = match embree::available() {
+        Some(_) => Some(embree::EmbreeTracer::new(&scene.geometry)?),
+        None => {
+            eprintln!(
+                "note: this build has no Embree; the voxel tracer is put beside the plain list of surfaces"
+            );
+            None
+        }
+    };
+    let plain = tracers_plain(&scene.geometry);
+    let other: &dyn RayTracer = match &embree {
+        Some(embree) => embree,
+        None => &plain,
+    };
+    let report =
+        crosscheck::crosscheck(&scene.geometry, &[other, &voxel], args.rays, args.seed, &Bars::new());
+    print!("{report}");
+    if let Some(path) = &args.report {
+        write_json(path, &report)?;
+    }
+    Ok(())
+}
+
+fn tracers_plain(geometry: &scene::Geometry) -> luxgraph::tracers::brute_force::BruteForce<'_> {
+    luxgraph::tracers::brute_force::BruteForce::new(geometry)
+}

@@ -1,0 +1,161 @@
+//! `luxgraph info`
+
+use super::args::Info;
+use luxgraph::error::Result;
+use luxgraph::material::{Body, Material};
+use luxgraph::points::divide_by_area;
+use luxgraph::report::{Machine, write_json};
+use luxgraph::scene::{self, Scene};
+use luxgraph::tracers::embree;
+use serde::Serialize;
+
+/// What this build has.
+#[derive(Serialize)]
+struct Build {
+    luxgraph: &'static str,
+    embree: Option<String>,
+    machine: Machine,
+}
+
+/// What a scene consists of and requires.
+#[derive(Serialize)]
+struct Contents {
+    centre_m: [f64; 3],
+    size_m: [f64; 3],
+    objects: usize,
+    surfaces: usize,
+    two_sided_surfaces: usize,
+    area_m2: f64,
+    points: usize,
+    specular_points: usize,
+    cameras: Vec<String>,
+    materials: Vec<MaterialLine>,
+    requires: Vec<&'static str>,
+    left_out: Vec<&'static str>,
+    notes: Vec<String>,
+}
+
+/// One material in use.
+#[derive(Serialize)]
+struct MaterialLine {
+    name: String,
+    kind: &'static str,
+    emits: bool,
+    surfaces: usize,
+    points: usize,
+}
+
+/// Prints what the build has, and what a scene requires.
+pub fn run(args: &Info) -> Result<()> {
+    let build =
+        Build { luxgraph: env!("CARGO_PKG_VERSION"), embree: embree::available(), machine: Machine::this() };
+    match &args.scene {
+        None => {
+            println!("luxgraph {}", build.luxgraph);
+            match &build.embree {
+                Some(version) => println!("ray tracers: embree {version} (default), voxel"),
+                None => println!("ray tracers: voxel (build with --features embree to add Intel Embree)"),
+            }
+            println!("threads: {} on {}", build.machine.threads, build.machine.processor);
+            if let Some(path) = &args.report {
+                write_json(path, &build)?;
+            }
+        }
+        Some(path) => {
+            let contents = contents(&scene::load(path)?);
+            print_contents(&contents);
+            if let Some(path) = &args.report {
+                write_json(path, &contents)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn is_specular(material: &Material) -> bool {
+    match material.body {
+        Body::Opaque { s, .. } => s > 0.0,
+        Body::Pane { .. } | Body::Solid { .. } => true,
+    }
+}
+
+fn kind(material: &Material) -> &'static str {
+    match material.body {
+        Body::Opaque { s: 0.0, .. } => "diffuse",
+        Body::Opaque { m: 0.0, .. } => "perfect mirror",
+        Body::Opaque { .. } => "glossy",
+        Body::Pane { .. } => "glass pane",
+        Body::Solid { .. } => "solid glass",
+    }
+}
+
+fn contents(scene: &Scene) -> Contents {
+    let geometry = &scene.geometry;
+    let mut points_on = vec![0usize; geometry.surfaces.len()];
+    for (surface, _) in divide_by_area(geometry, &scene.sampling) {
+        points_on[surface.index()] += if geometry.two_sided[surface.index()] { 2 } else { 1 };
+    }
+    let materials: Vec<MaterialLine> = scene
+        .appearance
+        .materials
+        .iter()
+        .enumerate()
+        .map(|(m, material)| {
+            let worn = (0..points_on.len()).filter(|&s| scene.appearance.surface_material[s].0 as usize == m);
+            let points = worn.clone().map(|s| points_on[s]).sum();
+            let (name, emits) = (material.name.clone(), material.emission.is_some());
+            MaterialLine { name, kind: kind(material), emits, surfaces: worn.count(), points }
+        })
+        .filter(|line| line.surfaces > 0)
+        .collect();
+    let worn =
+        || scene.appearance.materials.iter().filter(|m| materials.iter().any(|line| line.name == m.name));
+    let glass = worn().any(|m| matches!(m.body, Body::Pane { .. } | Body::Solid { .. }));
+    let specular = worn().any(is_specular);
+    let (mut requires, mut left_out) = (vec!["diffuse exchange"], Vec::new());
+    if specular { &mut requires } else { &mut left_out }.push("specular chains");
+    if glass { &mut requires } else { &mut left_out }.push("transmission");
+    let size = geometry.bounds().size();
+    Contents {
+        centre_m: geometry.centre.to_array(),
+        size_m: if geometry.surfaces.is_empty() { [0.0; 3] } else { size.to_array() },
+        objects: geometry.objects.len(),
+        surfaces: geometry.surfaces.len(),
+        two_sided_surfaces: geometry.two_sided.iter().filter(|&&t| t).count(),
+        area_m2: geometry.surfaces.iter().map(|s| s.area).sum(),
+        points: points_on.iter().sum(),
+        specular_points: worn()
+            .filter(|m| is_specular(m))
+            .flat_map(|m| materials.iter().filter(|line| line.name == m.name))
+            .map(|line| line.points)
+            .sum(),
+        cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
+        materials,
+        requires,
+        left_out,
+        notes: scene.notes.clone(),
+    }
+}
+
+fn print_contents(contents: &Contents) {
+    let [x, y, z] = contents.size_m;
+    println!(
+        "{} surfaces ({} two-sided) of {} objects",
+        contents.surfaces, contents.two_sided_surfaces, contents.objects
+    );
+    println!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
+    println!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);
+    println!("cameras: {}", contents.cameras.join(", "));
+    println!("{:<24} {:<16} {:>9} {:>9}", "material", "kind", "surfaces", "points");
+    for line in &contents.materials {
+        let kind = if line.emits { format!("{}, emits", line.kind) } else { line.kind.to_owned() };
+        println!("{:<24} {kind:<16} {:>9} {:>9}", line.name, line.surfaces, line.points);
+    }
+    println!("requires: {}", contents.requires.join(", "));
+    if !contents.left_out.is_empty() {
+        println!("left out, the scene has no use for it: {}", contents.left_out.join(", "));
+    }
+    for note in &contents.notes {
+        println!("note: {note}");
+    }
+}

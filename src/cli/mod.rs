@@ -1,0 +1,37 @@
+//! Commands: from arguments as typed to calls of the library.
+
+pub mod args;
+mod bench;
+mod crosscheck;
+mod info;
+mod progress;
+mod relight;
+mod render;
+mod run;
+
+use args::{BenchWhat, Cli, Command};
+use luxgraph::error::{Error, Result};
+
+/// Carries out one command line.
+pub fn run(cli: Cli) -> Result<()> {
+    match cli.command {
+        Command::Render(args) => with_threads(args.options.threads, || render::run(&args)),
+        Command::Relight(args) => with_threads(args.options.threads, || relight::run(&args)),
+        Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),
+        Command::Info(args) => info::run(&args),
+        Command::Bench(args) => match &args.what {
+            BenchWhat::Paper { scene, tracer, threads, report } => {
+                with_threads(*threads, || bench::paper(scene, *tracer, report.as_deref()))
+            }
+        },
+    }
+}
+
+/// Runs `work` on a pool of `threads`, or of one for each processor.
+fn with_threads(threads: Option<u16>, work: impl FnOnce() -> Result<()> + Send) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0).into())
+        .build()
+        .map_err(|e| Error::Settings(format!("could not start the threads asked for: {e}")))?;
+    pool.install(work)
+}

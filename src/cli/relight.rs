@@ -1,0 +1,96 @@
+//! `luxgraph relight`
+
+use super::args::Relight;
+use super::progress::Bars;
+use super::run::{Job, Targets, announce, camera, exposure, settings};
+use luxgraph::error::{Error, Result};
+use luxgraph::scene::{Scene, SceneDescription};
+use luxgraph::{pipeline, tracers};
+use std::path::Path;
+use std::time::Instant;
+
+/// Renders one image for each change of appearance, all over one graph.
+pub fn run(args: &Relight) -> Result<()> {
+    let started = Instant::now();
+    let options = &args.options;
+    let settings = settings(options)?;
+    let exposure = exposure(&options.exposure)?;
+    let stems: Vec<String> = args.changes.iter().map(|path| stem(path)).collect();
+    if let Some(twice) = stems.iter().enumerate().find(|(i, s)| stems[..*i].contains(s)) {
+        return Err(Error::Settings(format!(
+            "two changes files are called {}, and would give one image: rename one",
+            twice.1
+        )));
+    }
+
+    // Everything that can be wrong is looked at before any work is done.
+    let description = SceneDescription::read(&args.scene)?;
+    let scene = description.compile()?;
+    let appearances = args
+        .changes
+        .iter()
+        .map(|path| description.changed(path)?.appearance(&scene.geometry))
+        .collect::<Result<Vec<_>>>()?;
+    let camera = camera(&scene, options)?;
+    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(&args.output, e))?;
+    let targets: Vec<Targets> = stems
+        .iter()
+        .map(|stem| Targets {
+            exr: args.output.join(format!("{stem}.exr")),
+            png: args.output.join(format!("{stem}.png")),
+            report: options.report.as_ref().map(|path| numbered(path, stem, stems.len())),
+        })
+        .collect();
+    targets.iter().try_for_each(Targets::check)?;
+
+    let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
+    let bars = Bars::new();
+    let graph = options.graph.as_deref();
+    let prepared =
+        pipeline::prepare(&scene.geometry, &scene.sampling, &settings, tracer.as_ref(), graph, &bars)?;
+    announce(&scene, &prepared, tracer.as_ref());
+    for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
+        println!("{}:", path.display());
+        let scene = Scene { appearance, ..scene.clone() };
+        let job = Job {
+            scene: &scene,
+            sources: vec![args.scene.display().to_string(), path.display().to_string()],
+            prepared: &prepared,
+            camera: &camera,
+            settings: &settings,
+            tracer: tracer.as_ref(),
+            exposure,
+            spectral: options.spectral,
+            started,
+        };
+        job.run(targets, &bars)?;
+    }
+    Ok(())
+}
+
+/// `dir/lamp_a.changes.toml` gives `lamp_a`.
+fn stem(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name = name.strip_suffix(".toml").unwrap_or(&name);
+    name.strip_suffix(".changes").unwrap_or(name).to_owned()
+}
+
+/// The report of one of several images: `report.json` becomes `report-lamp_a.json`.
+fn numbered(path: &Path, stem: &str, images: usize) -> std::path::PathBuf {
+    if images == 1 {
+        return path.to_owned();
+    }
+    let own = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{own}-{stem}.json"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_named_after_their_changes() {
+        assert_eq!(stem(Path::new("a/lamp_a.changes.toml")), "lamp_a");
+        assert_eq!(stem(Path::new("gold.toml")), "gold");
+    }
+}

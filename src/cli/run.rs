@@ -1,0 +1,250 @@
+//! What `render` and `relight` share: options to settings, one lit appearance to files.
+
+use super::args::{KernelArg, Options, PassesArg, QualityArg, SolverArg, TracerArg};
+use luxgraph::error::{Error, Result};
+use luxgraph::first_pass::{DiffuseSolution, Kernel, Solver};
+use luxgraph::observer::Observer;
+use luxgraph::output::{self, png::Exposure};
+use luxgraph::pipeline::{self, Prepared};
+use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
+use luxgraph::scene::{Camera, SampledAppearance, Scene};
+use luxgraph::second_pass::{Passes, SecondPassStats};
+use luxgraph::settings::{Quality, Settings};
+use luxgraph::spectrum::Wavelengths;
+use luxgraph::tracers::{RayTracer, TracerChoice};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The library's name for a choice of tracer.
+pub fn tracer_choice(arg: TracerArg) -> TracerChoice {
+    match arg {
+        TracerArg::Auto => TracerChoice::Auto,
+        TracerArg::Embree => TracerChoice::Embree,
+        TracerArg::Voxel => TracerChoice::Voxel,
+    }
+}
+
+/// Settings of a run: the preset, then what was asked for.
+pub fn settings(options: &Options) -> Result<Settings> {
+    let mut settings = Settings::preset(match options.quality {
+        QualityArg::Draft => Quality::Draft,
+        QualityArg::Paper => Quality::Paper,
+        QualityArg::Standard => Quality::Standard,
+        QualityArg::High => Quality::High,
+    });
+    settings.tracer = tracer_choice(options.tracer);
+    if let Some(text) = &options.wavelengths {
+        settings.wavelengths = Wavelengths::parse(text)?;
+    }
+    let first = &mut settings.first_pass;
+    if let Some(kernel) = options.kernel {
+        first.kernel = match kernel {
+            KernelArg::Analytic => Kernel::Analytic,
+            KernelArg::Paper => Kernel::Paper,
+        };
+    }
+    if let Some(solver) = options.solver {
+        first.solver = match solver {
+            SolverArg::Iterative => Solver::Iterative,
+            SolverArg::Shooting => Solver::Shooting,
+        };
+    }
+    if let Some(tolerance) = options.tolerance {
+        if !(1e-7..1.0).contains(&tolerance) {
+            return Err(Error::Settings(format!("--tolerance {tolerance}: give a share from 1e-7 to 1")));
+        }
+        first.tolerance = tolerance;
+    }
+    if options.lg_max.is_some() {
+        first.chain.lg_max = options.lg_max;
+    }
+    if let Some(eff_min) = options.eff_min {
+        if !(0.0..=1.0).contains(&eff_min) {
+            return Err(Error::Settings(format!("--eff-min {eff_min}: give a share from 0 to 1")));
+        }
+        first.chain.eff_min = eff_min;
+    }
+    settings.second_pass.seed = options.seed;
+    if let Some(samples) = options.samples {
+        settings.second_pass.samples = samples;
+    }
+    settings.second_pass.passes = match options.passes {
+        PassesArg::First => Passes::FirstPassOnly,
+        PassesArg::Both => Passes::Both,
+    };
+    Ok(settings)
+}
+
+/// `auto` or a number of EV.
+pub fn exposure(text: &str) -> Result<Exposure> {
+    if text == "auto" {
+        return Ok(Exposure::Auto);
+    }
+    match text.parse::<f64>() {
+        Ok(ev) if ev.abs() <= 64.0 => Ok(Exposure::Ev(ev)),
+        _ => Err(Error::Settings(format!("--exposure {text}: give auto, or a number of EV from -64 to 64"))),
+    }
+}
+
+/// The camera asked for, at the size asked for.
+pub fn camera(scene: &Scene, options: &Options) -> Result<Camera> {
+    let mut camera = match &options.camera {
+        None => scene.cameras.first().cloned(),
+        Some(name) => scene.cameras.iter().find(|c| c.name == *name).cloned(),
+    }
+    .ok_or_else(|| {
+        let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
+        let asked = options.camera.as_deref().unwrap_or_default();
+        Error::Settings(format!("--camera {asked}: the scene has {}", names.join(", ")))
+    })?;
+    if let Some(size) = options.size {
+        camera.resolution = size;
+    }
+    Ok(camera)
+}
+
+/// Where the files of one image go.
+pub struct Targets {
+    /// The EXR.
+    pub exr: PathBuf,
+    /// The PNG.
+    pub png: PathBuf,
+    /// The JSON report, if asked for.
+    pub report: Option<PathBuf>,
+}
+
+impl Targets {
+    /// Fails now rather than after the work when a folder is missing or a name cannot serve.
+    pub fn check(&self) -> Result<()> {
+        for path in [Some(&self.exr), Some(&self.png), self.report.as_ref()].into_iter().flatten() {
+            let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            if !parent.is_dir() {
+                return Err(Error::io(
+                    path,
+                    format!("there is no folder {}; make it first", parent.display()),
+                ));
+            }
+            if path.is_dir() {
+                return Err(Error::io(path, "this is a folder; name a file"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One appearance of a prepared scene, on its way to files.
+pub struct Job<'a> {
+    /// The scene with the appearance to show.
+    pub scene: &'a Scene,
+    /// Scene file and changes, for the report.
+    pub sources: Vec<String>,
+    /// Points and graph.
+    pub prepared: &'a Prepared,
+    /// The view.
+    pub camera: &'a Camera,
+    /// The knobs.
+    pub settings: &'a Settings,
+    /// Answers the rays of the second pass.
+    pub tracer: &'a dyn RayTracer,
+    /// Exposure of the PNG.
+    pub exposure: Exposure,
+    /// Whether the EXR carries spectral channels.
+    pub spectral: bool,
+    /// When the run began.
+    pub started: Instant,
+}
+
+impl Job<'_> {
+    /// First pass, second pass, files; prints what came out in three lines.
+    pub fn run(&self, targets: &Targets, observer: &dyn Observer) -> Result<()> {
+        let (geometry, settings) = (&self.scene.geometry, self.settings);
+        let lit = pipeline::light(geometry, self.prepared, &self.scene.appearance, settings, observer)?;
+        let stats = &lit.1.stats;
+        println!(
+            "first pass: {:.2} s, {:.0} sweeps, {:.4} % of the flux unabsorbed, {} rays",
+            stats.setup_s + stats.solve_s,
+            stats.sweeps,
+            100.0 * stats.residual,
+            stats.rays_cast
+        );
+        let (image, stats) = pipeline::view(
+            geometry,
+            self.prepared,
+            &lit,
+            self.camera,
+            self.tracer,
+            &settings.second_pass,
+            observer,
+        )?;
+        println!("second pass: {:.2} s, {} rays", stats.second_pass_s, stats.rays());
+        let layers = output::exr::ExrOptions { xyz: self.spectral, spectral: self.spectral };
+        output::exr::write(&targets.exr, &image, &layers)?;
+        let ev = output::png::write(&targets.png, &image, self.exposure)?;
+        println!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
+        if let Some(path) = &targets.report {
+            write_json(path, &self.report(&lit, stats, ev))?;
+        }
+        Ok(())
+    }
+
+    fn report(
+        &self,
+        (appearance, solution): &(SampledAppearance, DiffuseSolution),
+        second_pass: SecondPassStats,
+        ev: f64,
+    ) -> RunReport {
+        RunReport {
+            luxgraph: env!("CARGO_PKG_VERSION"),
+            machine: Machine::this(),
+            scene: self.sources.clone(),
+            tracer: self.tracer.name(),
+            wavelengths_nm: appearance.wavelengths.nm.clone(),
+            counts: counts(self.scene, self.prepared, appearance),
+            graph_loaded: self.prepared.graph_loaded,
+            graph: self.prepared.graph.stats.clone(),
+            graph_memory_bytes: self.prepared.graph.memory_bytes(),
+            first_pass: solution.stats.clone(),
+            second_pass,
+            exposure_ev: ev,
+            total_s: self.started.elapsed().as_secs_f64(),
+            peak_memory_bytes: peak_memory_bytes(),
+        }
+    }
+}
+
+/// Sizes of a prepared scene.
+pub fn counts(scene: &Scene, prepared: &Prepared, appearance: &SampledAppearance) -> Counts {
+    let points = &prepared.points;
+    Counts {
+        surfaces: scene.geometry.surfaces.len(),
+        points: points.len(),
+        specular_points: points.surface.iter().filter(|&&s| appearance.of(s).is_specular()).count(),
+        voxels: points.voxels(),
+        empty_voxels: (0..points.voxels()).filter(|&v| points.voxel(v).is_empty()).count(),
+    }
+}
+
+/// Says in one line what was prepared.
+pub fn announce(scene: &Scene, prepared: &Prepared, tracer: &dyn RayTracer) {
+    for note in &scene.notes {
+        eprintln!("note: {note}");
+    }
+    let stats = &prepared.graph.stats;
+    let graph = if prepared.graph_loaded {
+        "read from its file".to_owned()
+    } else {
+        format!(
+            "{:.2} s with {}, {} rays for {} pairs of points",
+            stats.build_s,
+            tracer.name(),
+            stats.rays_cast,
+            stats.pairs
+        )
+    };
+    println!(
+        "scene: {} surfaces, {} points in {} voxels; graph: {graph}",
+        scene.geometry.surfaces.len(),
+        prepared.points.len(),
+        prepared.points.voxels()
+    );
+}

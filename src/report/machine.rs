@@ -1,0 +1,37 @@
+//! The machine a figure was measured on.
+
+use serde::Serialize;
+
+/// Processor and threads.
+#[derive(Clone, Debug, Serialize)]
+pub struct Machine {
+    /// Model name as the system gives it.
+    pub processor: String,
+    /// Threads the run used.
+    pub threads: usize,
+}
+
+impl Machine {
+    /// This machine, now.
+    pub fn this() -> Self {
+        let processor = std::fs::read_to_string("/proc/cpuinfo")
+            .ok()
+            .and_then(|text| {
+                let line = text.lines().find(|l| l.starts_with("model name"))?;
+                Some(line.split_once(':')?.1.trim().to_owned())
+            })
+            .unwrap_or_else(|| std::env::consts::ARCH.to_owned());
+        Machine { processor, threads: rayon::current_num_threads() }
+    }
+}
+
+/// Largest resident memory of this process so far, bytes; 0 where the system does not tell.
+pub fn peak_memory_bytes() -> u64 {
+    std::fs::read_to_string("/proc/self/status")
+        .ok()
+        .and_then(|text| {
+            let line = text.lines().find(|l| l.starts_with("VmHWM:"))?;
+            line.split_whitespace().nth(1)?.parse::<u64>().ok()
+        })
+        .map_or(0, |kilobytes| kilobytes * 1024)
+}

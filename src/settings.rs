@@ -1,0 +1,79 @@
+//! The knobs of a run, with their defaults and presets.
+
+use crate::first_pass::{FirstPassSettings, Kernel};
+use crate::material::{DEFAULT_ENTRIES, PAPER_ENTRIES};
+use crate::second_pass::SecondPassSettings;
+use crate::spectrum::Wavelengths;
+use crate::tracers::TracerChoice;
+use crate::voxels::VoxelSettings;
+
+/// Everything a run may be asked to do differently. Sampling of the surfaces is the scene's own
+/// (its `[sampling]` table), times [`Settings::area_factor`].
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Which ray tracer answers.
+    pub tracer: TracerChoice,
+    /// Factor on the scene's area threshold: 4 gives about a quarter of the points.
+    pub area_factor: f64,
+    /// Subdivision of space for the graph.
+    pub voxels: VoxelSettings,
+    /// Wavelengths that light is sampled at.
+    pub wavelengths: Wavelengths,
+    /// Entries of the Fresnel tables.
+    pub fresnel_entries: usize,
+    /// First pass.
+    pub first_pass: FirstPassSettings,
+    /// Second pass.
+    pub second_pass: SecondPassSettings,
+}
+
+/// Named points on the way from fast to careful.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// A look at the scene: a quarter of the points, 4 samples a pixel.
+    Draft,
+    /// As the paper did it: its kernel, four wavelengths, tables of 20 entries.
+    Paper,
+    /// The default.
+    Standard,
+    /// Four times the points, 16 wavelengths, 64 samples a pixel.
+    High,
+}
+
+impl Settings {
+    /// The settings of a preset.
+    pub fn preset(quality: Quality) -> Self {
+        let mut settings = Settings {
+            tracer: TracerChoice::Auto,
+            area_factor: 1.0,
+            voxels: VoxelSettings::default(),
+            wavelengths: Wavelengths::meyer4(),
+            fresnel_entries: DEFAULT_ENTRIES,
+            first_pass: FirstPassSettings::default(),
+            second_pass: SecondPassSettings::default(),
+        };
+        match quality {
+            Quality::Draft => {
+                settings.area_factor = 4.0;
+                settings.second_pass.samples = 4;
+            }
+            Quality::Paper => {
+                settings.fresnel_entries = PAPER_ENTRIES;
+                settings.first_pass.kernel = Kernel::Paper;
+            }
+            Quality::Standard => {}
+            Quality::High => {
+                settings.area_factor = 0.25;
+                settings.wavelengths = Wavelengths::bands(16).unwrap_or_else(|_| Wavelengths::meyer4());
+                settings.second_pass.samples = 64;
+            }
+        }
+        settings
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings::preset(Quality::Standard)
+    }
+}

@@ -1,0 +1,136 @@
+//! Does the command do what its help says, and fail as it should?
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn luxgraph(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_luxgraph"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(args)
+        .output()
+        .expect("the command starts")
+}
+
+fn succeed(args: &[&str]) -> String {
+    let output = luxgraph(args);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "luxgraph {args:?}: {error}");
+    assert_eq!(
+        error.matches("note:").count(),
+        error.lines().count(),
+        "only notes on standard error: {error}"
+    );
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Runs a command that must fail with `status`; returns what it said.
+fn fail(status: i32, args: &[&str]) -> String {
+    let output = luxgraph(args);
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(status), "luxgraph {args:?}: {error}");
+    assert!(!error.contains("panicked"), "{error}");
+    error
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("temporary folders have plain names")
+}
+
+const SMALL: [&str; 6] = ["--quality", "draft", "--size", "48x36", "--samples", "2"];
+
+fn render(scene: &str, out: &Path, more: &[&str]) -> Vec<u8> {
+    let mut args = vec!["render", scene, "-o", text(out)];
+    args.extend(SMALL);
+    args.extend(more);
+    succeed(&args);
+    assert!(out.with_extension("png").is_file(), "a PNG stands beside the EXR");
+    std::fs::read(out).expect("the EXR is there")
+}
+
+#[test]
+fn the_same_bits_from_one_and_two_threads() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let one = render("scenes/paper_room.toml", &dir.path().join("one.exr"), &["--threads", "1"]);
+    let two = render("scenes/paper_room.toml", &dir.path().join("two.exr"), &["--threads", "2"]);
+    assert_eq!(one, two);
+    let leftovers: Vec<PathBuf> = std::fs::read_dir(dir.path())
+        .expect("the folder is there")
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| !matches!(path.extension().and_then(|e| e.to_str()), Some("exr" | "png")))
+        .collect();
+    assert!(leftovers.is_empty(), "nothing but the images stays: {leftovers:?}");
+}
+
+#[test]
+fn relighting_casts_no_ray_and_equals_a_full_run() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let scene = "scenes/paper_room.toml";
+    let changes = ["scenes/paper_room_gold_to_sand.changes.toml", "scenes/paper_room_lamp_a.changes.toml"];
+    let mut args =
+        vec!["relight", scene, "--changes", changes[0], "--changes", changes[1], "-o", text(dir.path())];
+    args.extend(SMALL);
+    let said = succeed(&args);
+    assert_eq!(said.matches(" 0 rays").count(), 2, "{said}");
+    for change in changes {
+        let stem = Path::new(change).file_name().and_then(|n| n.to_str()).expect("a plain name");
+        let relit = dir.path().join(stem.replace(".changes.toml", ".exr"));
+        let relit = std::fs::read(&relit).unwrap_or_else(|e| panic!("{}: {e}", relit.display()));
+        let full = render(scene, &dir.path().join("full.exr"), &["--changes", change]);
+        assert_eq!(relit, full, "{change}");
+    }
+}
+
+#[test]
+fn a_kept_graph_gives_the_same_image_and_fits_its_scene_only() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let graph = dir.path().join("room.graph");
+    let built = render("scenes/paper_room.toml", &dir.path().join("a.exr"), &["--graph", text(&graph)]);
+    let read = render("scenes/paper_room.toml", &dir.path().join("b.exr"), &["--graph", text(&graph)]);
+    assert_eq!(built, read);
+    let out = dir.path().join("c.exr");
+    let error = fail(2, &["render", "scenes/cornell_box.toml", "-o", text(&out), "--graph", text(&graph)]);
+    assert!(error.contains("room.graph"), "{error}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn both_tracers_agree_where_both_are_built() {
+    let said = succeed(&["crosscheck", "scenes/paper_room.toml", "--rays", "20000"]);
+    assert!(said.contains("20000") || said.contains("20,000"), "{said}");
+    succeed(&["info"]);
+    assert!(succeed(&["info", "scenes/paper_room.toml"]).contains("134 surfaces"));
+}
+
+#[test]
+fn a_report_is_json_with_units_in_its_names() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let report = dir.path().join("report.json");
+    render("scenes/cornell_box.toml", &dir.path().join("a.exr"), &["--report", text(&report)]);
+    let text = std::fs::read_to_string(&report).expect("the report is there");
+    let json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+    assert_eq!(json["first_pass"]["rays"], 0);
+    assert!(json["graph"]["build_s"].is_number());
+    assert!(json["peak_memory_bytes"].is_u64());
+}
+
+#[test]
+fn wrong_input_is_named_with_its_place() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let scene = dir.path().join("bad.toml");
+    std::fs::write(&scene, "format = 1\nnonsense = 3\n").expect("written");
+    let error = fail(2, &["render", text(&scene)]);
+    assert!(error.contains("bad.toml:2:1") && error.contains("nonsense"), "{error}");
+
+    fail(2, &["render", "scenes/paper_room.toml", "--samples", "0"]);
+    fail(2, &["render", "scenes/paper_room.toml", "--second-pass", "guess"]);
+    let error = fail(2, &["render", "scenes/paper_room.toml", "--camera", "nowhere"]);
+    assert!(error.contains("main"), "the cameras there are: {error}");
+    let error = fail(2, &["render", "scenes/paper_room.toml", "--exposure", "bright"]);
+    assert!(error.contains("bright"), "{error}");
+    let error = fail(2, &["render", "scenes/paper_room.toml", "--wavelengths", "3"]);
+    assert!(error.contains('3'), "{error}");
+    let error = fail(1, &["render", "scenes/paper_room.toml", "-o", "no/such/folder/x.exr"]);
+    assert!(error.contains("no/such/folder"), "{error}");
+    let error = fail(1, &["render", "scenes/not_there.toml"]);
+    assert!(error.contains("not_there.toml"), "{error}");
+}
