@@ -86,9 +86,11 @@ mod embree {
         };
         match (number("RTC_VERSION_MAJOR"), number("RTC_VERSION_MINOR")) {
             (Some(major), Some(minor)) if (major, minor) >= (3, 13) && major <= 4 => Ok(()),
-            (Some(major), Some(minor)) => {
-                Err(format!("feature `embree` needs {}, but {} is of {major}.{minor}", wanted(), path.display()))
-            }
+            (Some(major), Some(minor)) => Err(format!(
+                "feature `embree` needs {}, but {} is of {major}.{minor}",
+                wanted(),
+                path.display()
+            )),
             _ => Err(format!("{} does not state a version of Embree: {INSTALL}", path.display())),
         }
     }
@@ -102,7 +104,9 @@ mod embree {
             .opt_level(2)
             .extra_warnings(true)
             .try_compile("luxgraph_embree")
-            .map_err(|e| format!("ffi/embree.c could not be compiled (Debian and Ubuntu: apt install gcc): {e}"))
+            .map_err(|e| {
+                format!("ffi/embree.c could not be compiled (Debian and Ubuntu: apt install gcc): {e}")
+            })
     }
 
     /// Turns ffi/embree.h into Rust. Without libclang bindgen panics with a page of text, so the panic is caught

@@ -9,6 +9,7 @@ use luxgraph::observer::Silent;
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::crosscheck::crosscheck;
+use luxgraph::tracers::judge::GRAZING_ULPS;
 use luxgraph::tracers::{EmbreeTracer, RayTracer, Segment, embree};
 use tracer_scenes::room;
 
@@ -69,9 +70,15 @@ fn a_ray_from_afar_is_as_exact_as_one_from_near() {
     let geometry = room(6, 0.4);
     let (tracer, truth) = (EmbreeTracer::new(&geometry).unwrap(), BruteForce::new(&geometry));
     for i in 0..500 {
-        let target = DVec3::new(f64::from(i % 23) * 0.1 - 1.1, f64::from(i % 19) * 0.1 - 0.9, f64::from(i % 7) * 0.1);
+        let target =
+            DVec3::new(f64::from(i % 23) * 0.1 - 1.1, f64::from(i % 19) * 0.1 - 0.9, f64::from(i % 7) * 0.1);
         let towards = DVec3::new(1.0, f64::from(i % 29) * 0.1, f64::from(i % 31) * 0.1).normalize();
-        let ray = Ray { origin: target - 1e7 * towards, direction: 1e-3 * towards, t_min: 0.0, t_max: f64::INFINITY };
+        let ray = Ray {
+            origin: target - 1e7 * towards,
+            direction: 1e-3 * towards,
+            t_min: 0.0,
+            t_max: f64::INFINITY,
+        };
         let (found, true_hit) = (tracer.closest(&ray).unwrap(), truth.closest(&ray).unwrap());
         assert_eq!(found.surface, true_hit.surface, "ray {i}");
         assert!((found.t - true_hit.t).abs() * 1e-3 < 1e-6, "ray {i}: {} {}", found.t, true_hit.t);
@@ -123,7 +130,8 @@ fn a_scene_without_surfaces_blocks_nothing() {
 fn a_batch_answers_as_its_members_do_whatever_its_length() {
     let geometry = room(8, 0.4);
     let tracer = EmbreeTracer::new(&geometry).unwrap();
-    let point = |i: u32| Vec3::new((i * 37 % 101) as f32, (i * 53 % 97) as f32, (i * 29 % 89) as f32) * 0.03 - 1.4;
+    let point =
+        |i: u32| Vec3::new((i * 37 % 101) as f32, (i * 53 % 97) as f32, (i * 29 % 89) as f32) * 0.03 - 1.4;
     let segments: Vec<Segment> = (0..700).map(|i| Segment { from: point(i), to: point(i + 31) }).collect();
     let one_by_one: Vec<bool> = segments.iter().map(|s| tracer.blocker(s).is_some()).collect();
     assert!(one_by_one.contains(&true) && one_by_one.contains(&false));
@@ -152,6 +160,8 @@ fn embree_and_brute_force_differ_only_within_rounding() {
         let (embree, truth) = (EmbreeTracer::new(&geometry).unwrap(), BruteForce::new(&geometry));
         let report = crosscheck(&geometry, &[&embree, &truth], 20_000, 3, &Silent);
         assert_eq!(report.errors, 0, "{:#?}", report.listed.first());
-        assert!(report.largest_t_difference_m < 1e-9, "{}", report.largest_t_difference_m);
+        // Rays within a surface's plane keep Embree's own distance, good to a few units in the last place.
+        let rounding = GRAZING_ULPS * f64::from(f32::EPSILON) * geometry.radius;
+        assert!(report.largest_t_difference_m < rounding, "{}", report.largest_t_difference_m);
     }
 }

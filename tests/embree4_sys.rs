@@ -35,7 +35,8 @@ impl RawScene {
             let mesh = rtcNewGeometry(device, RTCGeometryType::QUAD);
             let count = geometry.surfaces.len();
             let (vertex, index) = (RTCBufferType::VERTEX, RTCBufferType::INDEX);
-            let v: *mut f32 = rtcSetNewGeometryBuffer(mesh, vertex, 0, RTCFormat::FLOAT3, 12, 4 * count).cast();
+            let v: *mut f32 =
+                rtcSetNewGeometryBuffer(mesh, vertex, 0, RTCFormat::FLOAT3, 12, 4 * count).cast();
             let q: *mut u32 = rtcSetNewGeometryBuffer(mesh, index, 0, RTCFormat::UINT4, 16, count).cast();
             assert!(!v.is_null() && !q.is_null());
             for (i, surface) in geometry.surfaces.iter().enumerate() {
@@ -86,7 +87,8 @@ impl Drop for RawScene {
 fn raw_crate_and_interface_return_the_same_hits() {
     let geometry = room(22, 0.4);
     let (raw, ours) = (RawScene::new(&geometry), EmbreeTracer::new(&geometry).unwrap());
-    let point = |i: u32| Vec3::new((i * 37 % 101) as f32, (i * 53 % 97) as f32, (i * 29 % 89) as f32) * 0.03 - 1.4;
+    let point =
+        |i: u32| Vec3::new((i * 37 % 101) as f32, (i * 53 % 97) as f32, (i * 29 % 89) as f32) * 0.03 - 1.4;
     let mut met = 0;
     for i in 0..5000 {
         let segment = Segment { from: point(i), to: point(3 * i + 31) };
@@ -95,7 +97,8 @@ fn raw_crate_and_interface_return_the_same_hits() {
         assert_eq!(ours.blocker(&segment).map(|s| s.0), blocker, "segment {i}");
 
         let unit = DVec3::from(direction).normalize_or(DVec3::X).as_vec3();
-        let ray = Ray { origin: segment.from.into(), direction: unit.into(), t_min: 1e-3, t_max: f64::INFINITY };
+        let ray =
+            Ray { origin: segment.from.into(), direction: unit.into(), t_min: 1e-3, t_max: f64::INFINITY };
         let expected = raw.closest(segment.from, ray.direction.normalize().as_vec3(), 1e-3, f32::INFINITY);
         let found = ours.closest(&ray);
         assert_eq!(found.map(|h| h.surface.0), expected.map(|e| e.0), "ray {i}");

@@ -254,9 +254,10 @@ impl Decisions {
             (Crossing::Crosses { .. }, _) => mine,
             (_, Crossing::Crosses { .. }) => its,
             _ if through => Crossing::Crosses { t: self.t },
-            (Crossing::Grazes { crosses: a, clearance: x }, Crossing::Grazes { crosses: b, clearance: y }) => {
-                Crossing::Grazes { crosses: a || b, clearance: x.min(y) }
-            }
+            (
+                Crossing::Grazes { crosses: a, clearance: x },
+                Crossing::Grazes { crosses: b, clearance: y },
+            ) => Crossing::Grazes { crosses: a || b, clearance: x.min(y) },
             (Crossing::Grazes { .. }, _) => mine,
             _ => its,
         }
