@@ -29,7 +29,7 @@ impl RayTracer for Blind<'_> {
 
 fn brute_force_alone(geometry: &Geometry, threads: usize) -> CrosscheckReport {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let (sound, blind) = (BruteForce::new(geometry), Blind(BruteForce::new(geometry), SurfaceId(2)));
+    let (sound, blind) = (BruteForce::new(geometry), Blind(BruteForce::new(geometry), SurfaceId(0)));
     pool.install(|| crosscheck(geometry, &[&sound, &blind], 6_000, 5, &Silent))
 }
 
@@ -49,10 +49,10 @@ fn a_tracer_that_misses_a_surface_is_found_and_blamed() {
     let geometry = room(6, 0.4);
     let report = brute_force_alone(&geometry, 2);
     let random = report.classes.iter().find(|c| c.class == ProbeClass::Random).unwrap();
-    assert!(random.errors[1] > 50, "{random:?}");
+    assert!(random.errors[1] > 10, "{random:?}");
     assert!(report.classes.iter().all(|c| c.errors[0] == 0));
     assert!(report.listed[0].is_error());
-    assert!(report.listed.iter().any(|d| d.question == Question::Closest && d.judged.contains(&2)));
+    assert!(report.listed.iter().any(|d| d.question == Question::Closest && d.judged.contains(&0)));
 }
 
 #[test]

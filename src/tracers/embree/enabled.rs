@@ -2,7 +2,7 @@
 
 use super::raw::{self, EMPTY_RAY, LARGEST, NO_HIT, lux_hit, lux_ray};
 use crate::error::{Error, Result};
-use crate::geometry::{Hit, Ray, Shape, Surface, SurfaceId};
+use crate::geometry::{Aabb, Hit, Ray, Shape, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::tracers::brute_force::side_met;
 use crate::tracers::{RayTracer, Segment};
@@ -65,15 +65,16 @@ impl EmbreeTracer {
     }
 
     /// The `f64` hit behind Embree's answer to `query`, looking further along the ray while what Embree
-    /// met turns out to lie at or before the ray's start.
+    /// met turns out to lie at or before the ray's start, or beside the surface: all of Embree's tests are noise for
+    /// a triangle in whose plane the ray runs.
     fn decide(&self, ray: &Ray, query: &Query, mut found: lux_hit) -> Option<Hit> {
         loop {
             let surface = self.surfaces.get(found.quad as usize)?;
             let rough = query.parameter(found.t);
             let t = plane_parameter(ray, surface, found.half)
-                .filter(|t| (t - rough).abs() * query.length <= 1e-3 * (self.radius + query.reach(found.t)))
+                .filter(|t| (t - rough).abs() * query.length <= 1e-3 * self.radius)
                 .unwrap_or(rough);
-            if t > ray.t_min {
+            if t > ray.t_min && self.is_near(surface, ray, t) {
                 let side = side_met(surface, ray.direction);
                 return (t < ray.t_max).then_some(Hit { surface: SurfaceId(found.quad), t, side });
             }
@@ -88,6 +89,14 @@ impl EmbreeTracer {
             }
             found = next[0];
         }
+    }
+
+    /// Whether the point at `t` lies in the surface's box, as far as `f32` can tell.
+    fn is_near(&self, surface: &Surface, ray: &Ray, t: f64) -> bool {
+        let slack = 2.0 * LIMIT_ULPS * f64::from(f32::EPSILON) * self.radius
+            + 8.0 * f64::EPSILON * ray.origin.length();
+        let bounds = surface.bounds();
+        Aabb { min: bounds.min - slack, max: bounds.max + slack }.contains(ray.at(t))
     }
 
     fn occluded_chunk(&self, segments: &[Segment], blocked: &mut [bool]) {
@@ -182,12 +191,7 @@ impl Query {
 
     /// The caller's ray parameter at Embree's.
     fn parameter(&self, t: f32) -> f64 {
-        self.reach(t) / self.length
-    }
-
-    /// The distance from the caller's origin at Embree's parameter, m.
-    fn reach(&self, t: f32) -> f64 {
-        self.moved + f64::from(t)
+        (self.moved + f64::from(t)) / self.length
     }
 }
 
