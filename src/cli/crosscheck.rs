@@ -2,10 +2,11 @@
 
 use super::args::Crosscheck;
 use super::progress::Bars;
-use luxgraph::error::Result;
+use luxgraph::error::{Error, Result};
 use luxgraph::report::write_json;
 use luxgraph::scene;
-use luxgraph::tracers::{RayTracer, crosscheck, embree, voxel::VoxelTracer};
+use luxgraph::tracers::brute_force::BruteForce;
+use luxgraph::tracers::{EmbreeTracer, RayTracer, VoxelTracer, crosscheck, embree};
 
 /// Puts all tracers of this build side by side.
 pub fn run(args: &Crosscheck) -> Result<()> {
@@ -15,7 +16,7 @@ pub fn run(args: &Crosscheck) -> Result<()> {
     }
     let voxel = VoxelTracer::new(&scene.geometry);
     let embree = match embree::available() {
-        Some(_) => Some(embree::EmbreeTracer::new(&scene.geometry)?),
+        Some(_) => Some(EmbreeTracer::new(&scene.geometry)?),
         None => {
             eprintln!(
                 "note: this build has no Embree; the voxel tracer is put beside the plain list of surfaces"
@@ -23,7 +24,7 @@ pub fn run(args: &Crosscheck) -> Result<()> {
             None
         }
     };
-    let plain = tracers_plain(&scene.geometry);
+    let plain = BruteForce::new(&scene.geometry);
     let other: &dyn RayTracer = match &embree {
         Some(embree) => embree,
         None => &plain,
@@ -34,9 +35,8 @@ pub fn run(args: &Crosscheck) -> Result<()> {
     if let Some(path) = &args.report {
         write_json(path, &report)?;
     }
-    Ok(())
-}
-
-fn tracers_plain(geometry: &scene::Geometry) -> luxgraph::tracers::brute_force::BruteForce<'_> {
-    luxgraph::tracers::brute_force::BruteForce::new(geometry)
+    match report.errors {
+        0 => Ok(()),
+        n => Err(Error::Tracer(format!("{n} answers are wrong beyond rounding; they are listed above"))),
+    }
 }

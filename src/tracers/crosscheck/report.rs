@@ -3,6 +3,7 @@
 use super::probes::{Probe, ProbeClass};
 use crate::geometry::Hit;
 use serde::Serialize;
+use std::fmt;
 
 /// At most this many disagreements are listed, those that are somebody's error first; all are counted.
 pub const LISTED: usize = 100;
@@ -201,4 +202,66 @@ impl Tally {
         self.grazing.truncate(LISTED);
         self.largest_t_difference = self.largest_t_difference.max(other.largest_t_difference);
     }
+}
+
+impl fmt::Display for CrosscheckReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} rays, each asked twice (blocked? what first?), seed {}", self.rays, self.seed)?;
+        let names = self.tracers.join(", ");
+        writeln!(f, "tracers: {names}; errors beyond rounding are counted for each in this order")?;
+        writeln!(
+            f,
+            "{:<16} {:>10} {:>14} {:>14}  errors",
+            "class", "rays", "grazing block", "grazing first"
+        )?;
+        for c in &self.classes {
+            let class = name(&c.class);
+            let errors: Vec<String> = c.errors.iter().map(u64::to_string).collect();
+            let errors = errors.join(" ");
+            writeln!(
+                f,
+                "{class:<16} {:>10} {:>14} {:>14}  {errors}",
+                c.rays, c.blocked_grazing, c.closest_grazing
+            )?;
+        }
+        for d in &self.listed {
+            writeln!(f, "{d}")?;
+        }
+        let unlisted = self.disagreements - self.listed.len() as u64;
+        if unlisted > 0 {
+            writeln!(f, "... and {unlisted} more, all of them within rounding")?;
+        }
+        writeln!(
+            f,
+            "{} disagreements, {} of them errors; where tracers agree on the surface their points differ by at most {:.1e} m",
+            self.disagreements, self.errors, self.largest_t_difference_m
+        )
+    }
+}
+
+impl fmt::Display for Disagreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = if self.is_error() { "ERROR" } else { "grazing" };
+        let judged = match &self.judged[..] {
+            [] => "free".to_owned(),
+            surfaces => surfaces.iter().map(|s| format!("surface {s}")).collect::<Vec<_>>().join(" or "),
+        };
+        write!(
+            f,
+            "  ray {} {} {}: {} | exact: {judged} | {verdict}",
+            self.ray,
+            name(&self.class),
+            name(&self.question),
+            self.answers.join(" / ")
+        )?;
+        if let Some(clearance) = self.clearance_m {
+            write!(f, ", decided by {clearance:.1e} m")?;
+        }
+        write!(f, " | {:?} -> {:?}", self.from, self.to)
+    }
+}
+
+/// The name a class or question has in the JSON report.
+fn name(value: &impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }
