@@ -56,7 +56,7 @@ impl Segment {
     pub fn margin(&self) -> f32 {
         let largest = self.from.abs().max(self.to.abs()).max_element();
         let length = (self.to - self.from).length();
-        // Not `clamp`, which would let the NaN of a segment without length through.
-        (32.0 * f32::EPSILON * largest / length).max(1e-6).min(1e-2)
+        // A segment without length has the least margin, not 0 / 0.
+        (32.0 * f32::EPSILON * largest / length.max(f32::MIN_POSITIVE)).clamp(1e-6, 1e-2)
     }
 }
