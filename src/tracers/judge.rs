@@ -117,7 +117,8 @@ impl Closest {
 pub fn judge_closest(geometry: &Geometry, ray: &Ray) -> Closest {
     let length = ray.direction.length();
     let reach = (2.0 * (geometry.radius + ray.origin.length()) / length).min(ray.t_max);
-    if !(reach > ray.t_min) || !ray.origin.is_finite() || !ray.direction.is_finite() {
+    let runs = reach.is_finite() && reach > ray.t_min && ray.origin.is_finite() && ray.direction.is_finite();
+    if !runs {
         return Closest { surfaces: Vec::new(), nothing: true };
     }
     let end = ray.at(reach);

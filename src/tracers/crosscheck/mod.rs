@@ -24,7 +24,7 @@ use std::ops::Range;
 const CHUNK: u64 = 1024;
 
 /// Asks all `tracers` about `rays` rays in `geometry`. The same `seed` gives the same report, whatever the
-/// number of threads. The judge rules on all disagreements and on one in 64 of the rest.
+/// number of threads. The judge rules on all disagreements and on one in 32 of the rest.
 pub fn crosscheck(
     geometry: &Geometry,
     tracers: &[&dyn RayTracer],

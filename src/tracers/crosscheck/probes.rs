@@ -81,7 +81,7 @@ impl Probe {
 
     /// Whether the judge looks at this ray in any case.
     pub fn is_spot_check(&self) -> bool {
-        self.index % SPOT_CHECK == 0 || self.index % SPOT_CHECK == 9
+        matches!(self.index % SPOT_CHECK, 0 | 9)
     }
 }
 

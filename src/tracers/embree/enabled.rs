@@ -50,7 +50,7 @@ impl EmbreeTracer {
             let first = vertices.len() as u32;
             let corners = surface.vertices();
             for v in corners.iter().map(|v| v.as_vec3()) {
-                if !(v.abs().max_element() <= LARGEST) || v.is_nan() {
+                if v.is_nan() || v.abs().max_element() > LARGEST {
                     return Err(Error::Tracer(format!("surface {i} has a vertex that is no position: {v}")));
                 }
                 vertices.push(v.to_array());
