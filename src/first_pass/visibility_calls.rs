@@ -45,15 +45,16 @@ pub fn count(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, long
 }
 
 /// The reflection cones of one specular point, one for each member as the previous point.
-struct Cones {
+pub(super) struct Cones {
     /// Points in the cone.
-    size: Vec<u32>,
+    pub size: Vec<u32>,
     /// Links of the point in the cone.
-    links: Vec<Vec<u32>>,
+    pub links: Vec<Vec<u32>>,
 }
 
 impl Cones {
-    fn new(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, s: usize) -> Self {
+    /// Of specular point `s`.
+    pub fn new(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, s: usize) -> Self {
         let point = &specular.points[s];
         let Some(material) = specular.material(point) else {
             return Cones { size: Vec::new(), links: Vec::new() };
