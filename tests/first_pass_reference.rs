@@ -32,7 +32,7 @@ fn compare(scene: &TestScene, lg_max: u32) -> (f64, f64) {
         }
     }
     println!("{n} points, {} specular: worst {worst:.2e}, chains up to {chains:.3}", system.specular.points.len());
-    assert!(n > 150 && chains > 0.01, "the scene does not test chains: {n} points, {chains}");
+    assert!(n > 100 && chains > 0.01, "the scene does not test chains: {n} points, {chains}");
     assert!(worst < 1e-4, "{worst}");
     let counted = visibility_calls::count(&scene.points, &system.specular, tolerance, lg_max);
     (expected.visibility_calls as f64, counted)

@@ -345,7 +345,7 @@ fn scatter(
 ) {
     for (&member, source) in members.iter().zip(values.chunks(bands)) {
         let a = from.get(member as usize);
-        let u = from.scale_of(member as usize);
+        let u = from.gain * from.scale_of(member as usize);
         if a.to[2] <= 0.0 {
             continue;
         }

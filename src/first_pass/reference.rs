@@ -149,7 +149,7 @@ impl Evaluation<'_> {
             if b == 0.0 {
                 continue;
             }
-            let scale = b * lobe.from.scale_of(from) * lobe.to.scale_of(k) * lobe.gain;
+            let scale = b * lobe.from.scale_of(from) * lobe.to.scale_of(k) * lobe.gain * lobe.from.gain;
             let carried: Vec<f64> = (0..w)
                 .map(|c| arriving[c] * f64::from(scale) * f64::from(lobe.table.value(cosine, c)))
                 .collect();

@@ -112,8 +112,8 @@ pub fn facing_direction(
     let omega = |area: f32, d: f32| (area * d / (r2 * distance)).min(2.0 * std::f32::consts::PI);
     Direction {
         to: [w.dot(x), w.dot(y), d_i / distance],
-        spread: slope_spread(omega(points.area[j], d_j)),
-        blur: slope_spread(omega(points.area[i], d_i)).sqrt(),
+        spread: slope_spread(omega(points.area[j], d_j), d_i / distance),
+        blur: slope_spread(omega(points.area[i], d_i), d_i / distance).sqrt(),
         weight: 0.0,
     }
 }
