@@ -147,7 +147,7 @@ impl SpecularSet {
     }
 
     /// Share of light of wavelength `c` that survives the way to member `k` (Beer-Lambert).
-    fn through(&self, point: &SpecularPoint, k: usize, c: usize) -> f32 {
+    pub fn through(&self, point: &SpecularPoint, k: usize, c: usize) -> f32 {
         let Some(&distance) = point.distance.get(k) else { return 1.0 };
         let absorption = |p: &SpecularPoint| {
             self.material(p).filter(|_| p.inside).and_then(|m| m.absorption.get(c)).copied()
@@ -344,7 +344,7 @@ fn scatter(
 ) {
     for (&member, source) in members.iter().zip(values.chunks(bands)) {
         let a = from.get(member as usize);
-        let u = from.scale_of(member as usize);
+        let u = from.gain * from.scale_of(member as usize);
         if a.to[2] <= 0.0 {
             continue;
         }

@@ -38,6 +38,9 @@ pub struct Directions {
     pub weight: Vec<Lanes>,
     /// Scale factor u of the normalisation.
     pub scale: Vec<Lanes>,
+    /// Factor on what comes in from these directions; 1 but inside solids, where it makes up for a
+    /// critical cone that the elements do not fill exactly.
+    pub gain: f32,
     /// Number of directions; the rest is padding.
     pub len: usize,
     /// Largest of `spread`, and of `blur`.
@@ -59,15 +62,17 @@ pub struct Direction {
 
 /// Slope variance of the half vector, as m², that an element of solid angle `omega` causes: a disc of
 /// that size has the variance Ω / 4π along either axis, the half vector turns half as much, and m² is
-/// twice the variance of the slope along an axis.
-pub fn slope_spread(omega: f32) -> f32 {
-    SPREAD * omega / (8.0 * PI)
+/// twice the variance of the slope along an axis. Across the plane of incidence the slope varies
+/// 1 / cos θ times as much; the lobe is round, so the mean of both counts (cos θ no less than 0.1).
+pub fn slope_spread(omega: f32, cosine: f32) -> f32 {
+    let oblique = 1.0 / (cosine * cosine).max(0.01);
+    SPREAD * omega / (8.0 * PI) * 0.5 * (1.0 + oblique)
 }
 
 impl Directions {
     /// Directions in the order given, which must be that of x.
     pub fn new(list: &[Direction]) -> Self {
-        let mut d = Directions { len: list.len(), ..Default::default() };
+        let mut d = Directions { len: list.len(), gain: 1.0, ..Default::default() };
         for group in list.chunks(LANES) {
             let lanes = |padding: f32, of: &dyn Fn(&Direction) -> f32| {
                 let mut lanes = [padding; LANES];

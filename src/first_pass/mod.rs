@@ -11,6 +11,7 @@ mod gmres;
 pub mod lobe;
 pub mod near;
 mod normalise;
+mod openings;
 pub mod reference;
 mod settings;
 mod shooting;

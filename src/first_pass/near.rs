@@ -48,7 +48,7 @@ impl NearPairs {
 
     /// Entries of row `i`: (column, difference).
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f32)> {
-        let range = if self.starts.is_empty() { 0..0 } else { self.starts[i]..self.starts[i + 1] };
+        let range = if i + 1 < self.starts.len() { self.starts[i]..self.starts[i + 1] } else { 0..0 };
         self.column[range.clone()].iter().map(|&c| c as usize).zip(self.difference[range].iter().copied())
     }
 

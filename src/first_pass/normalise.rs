@@ -118,15 +118,20 @@ pub fn normalise_reflection(directions: &mut Directions, m2: f32, albedo: &[f32]
 /// Scales the transmission lobe between the two sides of a glass point: what enters from any
 /// direction leaves on the other side, unless it is reflected. Returns the deviation left.
 pub fn normalise_transmission(front: &mut Directions, back: &mut Directions) -> (f64, f64) {
+    // Rows and columns can both be met only when both sides weigh the same. A gain on what leaves the
+    // back mends that: light that comes in gets its inverse, so a round trip keeps its energy.
+    let total = |d: &Directions| d.weight.iter().flatten().sum::<f32>();
+    let ratio = total(front) / total(back);
+    if ratio.is_finite() && ratio > 0.0 {
+        back.gain = ratio;
+        back.weight.iter_mut().flatten().for_each(|w| *w *= ratio);
+    }
     let (a, b) = (front.clone(), back.clone());
     let (forth, backwards) = (Lobes::new(&a, &b, 0.0), Lobes::new(&b, &a, 0.0));
-    // Both rows and columns can only be met when both sides weigh the same; the heavier gives way.
-    let total = |d: &Directions| d.weight.iter().flatten().sum::<f32>();
-    let ratio = total(back) / total(front);
     let mut error = (0.0, 0.0);
     for _ in 0..ROUNDS {
-        error = step(front, &forth.times(&weighted(back)), |_| ratio.min(1.0), false);
-        step(back, &backwards.times(&weighted(front)), |_| (1.0 / ratio).min(1.0), false);
+        error = step(front, &forth.times(&weighted(back)), |_| 1.0, false);
+        step(back, &backwards.times(&weighted(front)), |_| 1.0, false);
         if error.1 < GOOD {
             break;
         }

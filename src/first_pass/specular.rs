@@ -3,6 +3,7 @@
 use super::form_factor::{plane_distances, projected_solid_angle};
 use super::lobe::{Direction, Directions, LobeTable, directional_albedo, slope_spread};
 use super::normalise::{normalise_reflection, normalise_transmission};
+use super::openings::openings;
 use super::settings::Kernel;
 use super::visibility_calls::facing_direction;
 use crate::geometry::Side;
@@ -12,12 +13,6 @@ use crate::scene::SampledAppearance;
 use crate::visibility::VisibilityGraph;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::f32::consts::PI;
-
-/// Black cells that stand for the openings of a scene, if there are any, around one point.
-const CELLS: usize = 256;
-/// A hemisphere covered to this share by what a point sees has no openings.
-const COVERED: f32 = 0.99;
 
 /// A member that another specular point's radiance comes from.
 #[derive(Clone, Copy, Debug)]
@@ -167,7 +162,7 @@ impl SpecularSet {
                 .then(|| chosen.binary_search(&points.twin[i]).ok().map(|t| t as u32))
                 .flatten();
             let mut members = visible(points, graph, kernel, tolerance, i);
-            add_cells(&mut members);
+            add_openings(points, i, &mut members);
             members
                 .sort_by(|a, b| a.direction.to[0].total_cmp(&b.direction.to[0]).then(a.point.cmp(&b.point)));
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
@@ -301,43 +296,28 @@ fn visible(
     members
 }
 
-/// Adds black cells where the hemisphere shows nothing, so that light leaves through openings
-/// instead of being pushed onto what is visible.
-fn add_cells(members: &mut Vec<Member>) {
+/// Adds the openings of the hemisphere of `i` as members without a point.
+fn add_openings(points: &SamplePoints, i: usize, members: &mut Vec<Member>) {
+    let (x, y) = tangents(points.normal[i]);
+    let z = points.normal[i];
     let seen: f32 = members.iter().map(|m| m.q_in).sum();
-    if seen >= COVERED * PI {
-        return;
-    }
-    let solid_angle = 2.0 * PI / CELLS as f32;
-    let radius = (solid_angle / PI).sqrt();
-    // Twice an element's own radius, as elements are not discs and stand slantwise.
-    let discs: Vec<(Vec3, f32)> = members
-        .iter()
-        .map(|m| {
-            let omega = m.q_in / m.direction.to[2].max(1e-3);
-            (Vec3::from(m.direction.to), 2.0 * (omega / PI).sqrt() + radius)
-        })
-        .collect();
-    let golden = PI * (3.0 - 5.0_f32.sqrt());
-    for cell in 0..CELLS {
-        let z = (cell as f32 + 0.5) / CELLS as f32;
-        let (sin, phi) = ((1.0 - z * z).sqrt(), golden * cell as f32);
-        let w = Vec3::new(sin * phi.cos(), sin * phi.sin(), z);
-        if discs.iter().all(|(to, reach)| (w - *to).length_squared() > reach * reach) {
-            members.push(Member {
-                point: NO_POINT,
-                q_in: solid_angle * z,
-                q_out: 0.0,
-                distance: 0.0,
-                direction: Direction {
-                    to: w.to_array(),
-                    spread: slope_spread(solid_angle),
-                    blur: 0.0,
-                    weight: solid_angle * z,
-                },
-            });
-        }
-    }
+    let local = |c: Vec3| {
+        let d = c - points.position[i];
+        Vec3::new(d.dot(x), d.dot(y), d.dot(z))
+    };
+    let found = openings(seen, members.iter().map(|m| points.corners[m.point as usize].map(local)));
+    members.extend(found.into_iter().map(|opening| Member {
+        point: NO_POINT,
+        q_in: opening.weight,
+        q_out: 0.0,
+        distance: 0.0,
+        direction: Direction {
+            to: opening.to.to_array(),
+            spread: slope_spread(opening.weight / opening.to.z, opening.to.z),
+            blur: 0.0,
+            weight: opening.weight,
+        },
+    }));
 }
 
 /// Directions inside a medium of index squared `n2` as the directions outside that refract into

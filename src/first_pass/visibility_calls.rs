@@ -45,15 +45,16 @@ pub fn count(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, long
 }
 
 /// The reflection cones of one specular point, one for each member as the previous point.
-struct Cones {
+pub(super) struct Cones {
     /// Points in the cone.
-    size: Vec<u32>,
+    pub size: Vec<u32>,
     /// Links of the point in the cone.
-    links: Vec<Vec<u32>>,
+    pub links: Vec<Vec<u32>>,
 }
 
 impl Cones {
-    fn new(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, s: usize) -> Self {
+    /// Of specular point `s`.
+    pub fn new(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, s: usize) -> Self {
         let point = &specular.points[s];
         let Some(material) = specular.material(point) else {
             return Cones { size: Vec::new(), links: Vec::new() };
@@ -111,8 +112,8 @@ pub fn facing_direction(
     let omega = |area: f32, d: f32| (area * d / (r2 * distance)).min(2.0 * std::f32::consts::PI);
     Direction {
         to: [w.dot(x), w.dot(y), d_i / distance],
-        spread: slope_spread(omega(points.area[j], d_j)),
-        blur: slope_spread(omega(points.area[i], d_i)).sqrt(),
+        spread: slope_spread(omega(points.area[j], d_j), d_i / distance),
+        blur: slope_spread(omega(points.area[i], d_i), d_i / distance).sqrt(),
         weight: 0.0,
     }
 }
