@@ -31,7 +31,10 @@ fn compare(scene: &TestScene, lg_max: u32) -> (f64, f64) {
             }
         }
     }
-    println!("{n} points, {} specular: worst {worst:.2e}, chains up to {chains:.3}", system.specular.points.len());
+    println!(
+        "{n} points, {} specular: worst {worst:.2e}, chains up to {chains:.3}",
+        system.specular.points.len()
+    );
     assert!(n > 100 && chains > 0.01, "the scene does not test chains: {n} points, {chains}");
     assert!(worst < 1e-4, "{worst}");
     let counted = visibility_calls::count(&scene.points, &system.specular, tolerance, lg_max);

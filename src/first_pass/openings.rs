@@ -75,7 +75,8 @@ fn cover(covered: &mut [bool], corners: &[Vec3; 4]) {
         (low, high) = (low.min(p), high.max(p));
     }
     // Edges are arcs of ellipses, which bulge beyond their ends; so does the horizon.
-    let bulge = glam::Vec2::splat(if corners.iter().any(|c| c.z < 0.0) { 2.0 } else { 0.3 * (high - low).length() });
+    let bulge =
+        glam::Vec2::splat(if corners.iter().any(|c| c.z < 0.0) { 2.0 } else { 0.3 * (high - low).length() });
     let pixel = |x: f32| ((x + 1.0) * 0.5 * PIXELS as f32).clamp(0.0, PIXELS as f32) as usize;
     let (low, high) = (low - bulge, high + bulge);
     for y in pixel(low.y)..(pixel(high.y) + 1).min(PIXELS) {
@@ -99,13 +100,16 @@ mod tests {
         // A ceiling of radius much larger than its height, with a hole: the weight of the openings
         // is what the elements do not cover.
         let strip = |x0: f32, x1: f32| {
-            [Vec3::new(x0, -50.0, 1.0), Vec3::new(x1, -50.0, 1.0), Vec3::new(x1, 50.0, 1.0), Vec3::new(x0, 50.0, 1.0)]
+            [
+                Vec3::new(x0, -50.0, 1.0),
+                Vec3::new(x1, -50.0, 1.0),
+                Vec3::new(x1, 50.0, 1.0),
+                Vec3::new(x0, 50.0, 1.0),
+            ]
         };
         let elements = [strip(-50.0, -0.5), strip(0.5, 50.0)];
-        let seen: f32 = elements
-            .iter()
-            .map(|e| super::super::form_factor::exact(Vec3::ZERO, Vec3::Z, e) as f32)
-            .sum();
+        let seen: f32 =
+            elements.iter().map(|e| super::super::form_factor::exact(Vec3::ZERO, Vec3::Z, e) as f32).sum();
         let found: f32 = openings(seen, elements.into_iter()).iter().map(|o| o.weight).sum();
         assert!((found + seen - PI).abs() < 0.03, "{found} {seen}");
         assert!(openings(PI, std::iter::empty()).is_empty());

@@ -55,15 +55,8 @@ pub fn evaluate(
     let (n, w) = (system.points.len(), system.wavelengths());
     let set = &system.specular;
     let cones = (0..set.points.len()).map(|s| Cones::new(system.points, set, tolerance, s)).collect();
-    let mut evaluation = Evaluation {
-        system,
-        set,
-        cones,
-        lg_max,
-        eff_min,
-        eff: vec![0.0; n * n * w],
-        calls: 0,
-    };
+    let mut evaluation =
+        Evaluation { system, set, cones, lg_max, eff_min, eff: vec![0.0; n * n * w], calls: 0 };
     for j in 0..n {
         for i in (0..n).filter(|&i| i != j) {
             evaluation.calls += 1;
@@ -73,8 +66,7 @@ pub fn evaluate(
             }
             let factor = f64::from(projected_solid_angle(system.points, i, j, kernel == Kernel::Analytic));
             for k in 0..w {
-                evaluation.eff[(j * n + i) * w + k] +=
-                    factor / PI * f64::from(system.reflectance[k * n + i]);
+                evaluation.eff[(j * n + i) * w + k] += factor / PI * f64::from(system.reflectance[k * n + i]);
             }
             if lg_max > 0
                 && let Ok(s) = set.points.binary_search_by_key(&(i as u32), |p| p.point)

@@ -97,9 +97,12 @@ impl Shooting<'_> {
         };
         (0..n)
             .map(|i| (i, power(i)))
-            .fold(None, |best: Option<(usize, f64)>, (i, p)| {
-                if p > best.map_or(0.0, |b| b.1) { Some((i, p)) } else { best }
-            })
+            .fold(
+                None,
+                |best: Option<(usize, f64)>, (i, p)| {
+                    if p > best.map_or(0.0, |b| b.1) { Some((i, p)) } else { best }
+                },
+            )
             .map(|(i, _)| i)
     }
 

@@ -152,11 +152,7 @@ impl<'a> System<'a> {
     }
 
     /// Progressive shooting.
-    pub fn solve_by_shooting(
-        &self,
-        settings: &FirstPassSettings,
-        progress: impl FnMut(),
-    ) -> Result<Solved> {
+    pub fn solve_by_shooting(&self, settings: &FirstPassSettings, progress: impl FnMut()) -> Result<Solved> {
         shooting::solve(self, settings, progress)
     }
 }

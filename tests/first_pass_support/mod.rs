@@ -116,7 +116,8 @@ impl TestScene {
         let geometry = Geometry::new(shapes.collect(), vec!["test".into()]);
         let elements = divide_by_area(&geometry, &Sampling::by_area(max_area));
         // Octants, so that tiles of several voxels are met in both orders.
-        let octant = |p: DVec3| usize::from(p.x > 0.0) + 2 * usize::from(p.y > 0.0) + 4 * usize::from(p.z > 0.0);
+        let octant =
+            |p: DVec3| usize::from(p.x > 0.0) + 2 * usize::from(p.y > 0.0) + 4 * usize::from(p.z > 0.0);
         let points = SamplePoints::new(&geometry, &elements, 8, octant);
         let tracer = BruteForce::new(&geometry);
         let faces = |i: usize, j: usize| points.normal[i].dot(points.position[j] - points.position[i]) > 1e-6;
@@ -147,10 +148,8 @@ impl TestScene {
     pub fn mean(&self, solution: &DiffuseSolution, s: u32) -> f64 {
         let points = self.of_surface(s);
         let area: f64 = points.iter().map(|&i| f64::from(self.points.area[i])).sum();
-        let sum: f64 = points
-            .iter()
-            .map(|&i| f64::from(self.points.area[i]) * f64::from(solution.of(i)[0]))
-            .sum();
+        let sum: f64 =
+            points.iter().map(|&i| f64::from(self.points.area[i]) * f64::from(solution.of(i)[0])).sum();
         sum / area
     }
 }
