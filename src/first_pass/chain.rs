@@ -348,20 +348,18 @@ fn scatter(
         if a.to[2] <= 0.0 {
             continue;
         }
-        for g in to.reach(&a, m2) {
+        for g in to.reach(a, m2) {
             let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
-            for lane in 0..LANES {
+            let scale = &to.scale[g];
+            let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
+            for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
                 if b[lane] == 0.0 {
                     continue;
                 }
-                let weight = b[lane] * u * to.scale[g][lane];
+                let weight = b[lane] * u * scale[lane];
                 let (f0, f1, f) = table.at(cosine[lane]);
-                let k = g * LANES + lane;
-                for band in 0..bands {
-                    let (out, l) = (&mut radiance[k * bands + band], &source[band]);
-                    for c in 0..BAND {
-                        out[c] += weight * (f0[band][c] + f * (f1[band][c] - f0[band][c])) * l[c];
-                    }
+                for (((out, l), f0), f1) in out.iter_mut().zip(source).zip(f0).zip(f1) {
+                    *out = std::array::from_fn(|c| out[c] + weight * (f0[c] + f * (f1[c] - f0[c])) * l[c]);
                 }
             }
         }

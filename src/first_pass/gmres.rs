@@ -149,8 +149,9 @@ pub fn solve(
             let y = small.solve();
             for (j, &y) in y.iter().enumerate() {
                 outcome.shares[first + j][k] = y;
-                for i in k * n..(k + 1) * n {
-                    outcome.x[i] += (y * f64::from(search[j][i])) as f32;
+                let plane = k * n..(k + 1) * n;
+                for (x, z) in outcome.x[plane.clone()].iter_mut().zip(&search[j][plane]) {
+                    *x += (y * f64::from(*z)) as f32;
                 }
             }
             if small.columns.is_empty() {

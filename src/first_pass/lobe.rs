@@ -20,11 +20,12 @@ const CUT: f32 = 6.907_755;
 /// lobe reaches few enough elements for their raster to show on the receiver; 2 smooths it.
 const SPREAD: f32 = 2.0;
 
-/// Directions of what a point sees on one side of its surface, sorted by x, in structure of arrays.
+/// Directions of what a point sees on one side of its surface, in structure of arrays. Neighbours in
+/// the list should be neighbours in direction ([`strip_order`]), so that groups can be passed over whole.
 /// The frame's x and y lie in the surface and are shared by both sides, z is the side's normal.
 #[derive(Clone, Debug, Default)]
 pub struct Directions {
-    /// Sorted ascending.
+    /// First tangential coordinate.
     pub x: Vec<Lanes>,
     /// Second tangential coordinate.
     pub y: Vec<Lanes>,
@@ -43,8 +44,25 @@ pub struct Directions {
     pub gain: f32,
     /// Number of directions; the rest is padding.
     pub len: usize,
-    /// Largest of `spread`, and of `blur`.
-    pub widest: (f32, f32),
+    bounds: Vec<Bounds>,
+}
+
+/// What holds for all directions of a group.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    low: [f32; 2],
+    high: [f32; 2],
+    z: f32,
+    spread: f32,
+    blur: f32,
+}
+
+/// Sorts anything that has a direction into strips of x and by y within a strip, so that groups of
+/// [`LANES`] are compact.
+pub fn strip_order<T>(list: &mut [T], to: impl Fn(&T) -> [f32; 3]) {
+    let strips = (list.len() as f32 / LANES as f32).sqrt().ceil();
+    let strip = |t: &T| ((to(t)[0] + 1.0) * 0.5 * strips).floor();
+    list.sort_by(|a, b| strip(a).total_cmp(&strip(b)).then(to(a)[1].total_cmp(&to(b)[1])));
 }
 
 /// One direction.
@@ -70,7 +88,7 @@ pub fn slope_spread(omega: f32, cosine: f32) -> f32 {
 }
 
 impl Directions {
-    /// Directions in the order given, which must be that of x.
+    /// Directions in the order given.
     pub fn new(list: &[Direction]) -> Self {
         let mut d = Directions { len: list.len(), gain: 1.0, ..Default::default() };
         for group in list.chunks(LANES) {
@@ -81,16 +99,23 @@ impl Directions {
                 }
                 lanes
             };
-            d.x.push(lanes(4.0, &|l| l.to[0]));
+            d.x.push(lanes(0.0, &|l| l.to[0]));
             d.y.push(lanes(0.0, &|l| l.to[1]));
             d.z.push(lanes(0.0, &|l| l.to[2]));
             d.spread.push(lanes(0.0, &|l| l.spread));
             d.blur.push(lanes(0.0, &|l| l.blur));
             d.weight.push(lanes(0.0, &|l| l.weight));
             d.scale.push(lanes(0.0, &|_| 1.0));
-        }
-        for l in list {
-            d.widest = (d.widest.0.max(l.spread), d.widest.1.max(l.blur));
+            let low = |axis: usize| group.iter().map(|l| l.to[axis]).fold(f32::INFINITY, f32::min);
+            let high =
+                |of: &dyn Fn(&Direction) -> f32| group.iter().map(of).fold(f32::NEG_INFINITY, f32::max);
+            d.bounds.push(Bounds {
+                low: [low(0), low(1)],
+                high: [high(&|l| l.to[0]), high(&|l| l.to[1])],
+                z: high(&|l| l.to[2]),
+                spread: high(&|l| l.spread),
+                blur: high(&|l| l.blur),
+            });
         }
         d
     }
@@ -111,13 +136,15 @@ impl Directions {
         self.scale[i / LANES][i % LANES]
     }
 
-    /// The groups of lanes that the lobe of `a` can reach.
-    pub fn reach(&self, a: &Direction, m2: f32) -> std::ops::Range<usize> {
-        let widest = effective(m2, a, self.widest.0, self.widest.1);
-        let radius = (CUT * widest).sqrt() * (a.to[2] + 1.0);
-        let first = self.x.partition_point(|x| x[LANES - 1] < -a.to[0] - radius);
-        let end = self.x.partition_point(|x| x[0] <= -a.to[0] + radius);
-        first..end.max(first)
+    /// The groups of lanes that the lobe of `a` may reach, ascending.
+    pub fn reach(&self, a: Direction, m2: f32) -> impl Iterator<Item = usize> {
+        let within = move |b: &Bounds| {
+            // Distance of the mirrored direction from the group's box.
+            let gap = |axis: usize| (b.low[axis] + a.to[axis]).max(-a.to[axis] - b.high[axis]).max(0.0);
+            let z = a.to[2] + b.z;
+            gap(0) * gap(0) + gap(1) * gap(1) <= 1.001 * CUT * effective(m2, &a, b.spread, b.blur) * z * z
+        };
+        self.bounds.iter().enumerate().filter(move |(_, b)| within(b)).map(|(g, _)| g)
     }
 
     /// The lobe between `a` and the directions of group `g`: (B, cos of the angle of incidence on
@@ -150,7 +177,8 @@ impl Directions {
             let g = (4.0 * (z[l] + az) * z[l].min(az) / v2).min(1.0);
             let value = d * g / (4.0 * PI * az * z[l]);
             b[l] = if inside[l] != 0 { value } else { 0.0 };
-            cosine[l] = 0.5 * v2.sqrt();
+            // Only the roughness tilts facets; the width that elements add does not.
+            cosine[l] = 0.5 * (z2[l] + t2[l] * m2 / width[l]).sqrt();
         }
         Some((b, cosine))
     }

@@ -24,6 +24,7 @@ pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};
 pub use stats::{FirstPassStats, FluxBalance, Range};
 
 use crate::error::{Error, Result};
+use crate::material::{FresnelTable, SampledMaterial, Transmission};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
@@ -144,14 +145,45 @@ fn check_inputs(
     if !appearance.surface_material.iter().all(known) {
         return refuse("a surface wears a material that the appearance does not have");
     }
-    for material in &appearance.materials {
-        if material.emission.len() != w || material.diffuse.len() != w || material.reflect.wavelengths != w {
-            return refuse("a material is sampled at other wavelengths than the run");
+    if w == 0 {
+        return refuse("a run needs at least one wavelength");
+    }
+    appearance.materials.iter().try_for_each(|m| check_material(m, w))
+}
+
+/// Whether a material is sampled at `w` wavelengths and creates no light.
+fn check_material(material: &SampledMaterial, w: usize) -> Result<()> {
+    let mut tables = vec![&material.reflect];
+    let mut sampled = vec![(&material.emission, f32::MAX), (&material.diffuse, 1.0)];
+    match &material.transmission {
+        None => {}
+        Some(Transmission::Pane { transmit }) => tables.push(transmit),
+        Some(Transmission::Solid { n, inside, absorption }) => {
+            tables.push(inside);
+            sampled.push((absorption, f32::MAX));
+            if !(1.0..100.0).contains(n) {
+                return Err(Error::Settings(format!(
+                    "a solid's refractive index is {n}: it must be 1 or more"
+                )));
+            }
         }
-        let sane = |v: &[f32], most: f32| v.iter().all(|&x| (0.0..=most).contains(&x));
-        if !sane(&material.emission, f32::MAX) || !sane(&material.diffuse, 1.0) {
-            return refuse("a material emits or reflects an impossible amount of light");
-        }
+    }
+    // Interpolated tables may stand a rounding above 1.
+    let sane = |v: &[f32], most: f32| v.iter().all(|&x| (0.0..=most).contains(&x));
+    let table = |t: &&FresnelTable| {
+        t.wavelengths == w
+            && t.values.len() >= w
+            && t.values.len().is_multiple_of(w)
+            && sane(&t.values, 1.0001)
+    };
+    if !sampled.iter().all(|(v, _)| v.len() == w) || material.is_specular() && !tables.iter().all(table) {
+        return Err(Error::Settings("a material is not sampled at the wavelengths of the run".into()));
+    }
+    if !sampled.iter().all(|(v, most)| sane(v, *most))
+        || !(0.0..=1.0).contains(&material.s)
+        || !(0.0..=10.0).contains(&material.m)
+    {
+        return Err(Error::Settings("a material emits, reflects or scatters what no material can".into()));
     }
     Ok(())
 }

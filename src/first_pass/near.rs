@@ -56,6 +56,11 @@ impl NearPairs {
     pub fn len(&self) -> usize {
         self.column.len()
     }
+
+    /// Whether no pair is corrected.
+    pub fn is_empty(&self) -> bool {
+        self.column.is_empty()
+    }
 }
 
 /// The correction for element `j` seen from `i`, if it is near; the two face each other.

@@ -4,63 +4,62 @@
 
 use super::lobe::{Directions, LANES, interpolate};
 
-/// Rounds of balancing at most.
-const ROUNDS: usize = 24;
+/// Rounds of balancing at most; the error left falls slowly after the first few.
+const ROUNDS: usize = 12;
 /// Good enough: largest relative deviation of a row.
-const GOOD: f64 = 1e-4;
-/// Lobes of more pairs than this are recomputed in each round rather than kept.
-const KEPT: usize = 8 << 20;
+const GOOD: f64 = 1e-3;
+/// Groups of lanes kept for one lobe at most (72 MB); rows beyond are recomputed in each round.
+const KEPT: usize = 2 << 20;
 
 type Lanes = [f32; LANES];
+/// Group of lanes and B there, where it is not 0.
+type Row = Vec<(u32, Lanes)>;
 
 /// B between two sets of directions, by rows.
 struct Lobes<'a> {
     from: &'a Directions,
     to: &'a Directions,
     m2: f32,
-    kept: Option<Vec<(usize, Vec<Lanes>)>>,
+    /// The first rows.
+    kept: Vec<Row>,
 }
 
 impl<'a> Lobes<'a> {
     fn new(from: &'a Directions, to: &'a Directions, m2: f32) -> Self {
-        let mut lobes = Lobes { from, to, m2, kept: None };
-        if from.len * to.len <= KEPT {
-            lobes.kept = Some((0..from.len).map(|l| lobes.row(l)).collect());
+        let mut lobes = Lobes { from, to, m2, kept: Vec::new() };
+        let mut groups = 0;
+        while groups < KEPT && lobes.kept.len() < from.len {
+            let row = lobes.row(lobes.kept.len());
+            groups += row.len();
+            lobes.kept.push(row);
         }
         lobes
     }
 
-    /// B(l, ·) and the group of lanes it begins at.
-    fn row(&self, l: usize) -> (usize, Vec<Lanes>) {
+    /// B(l, ·).
+    fn row(&self, l: usize) -> Row {
         let a = self.from.get(l);
         if a.to[2] <= 0.0 {
-            return (0, Vec::new());
+            return Vec::new();
         }
-        let reach = self.to.reach(&a, self.m2);
-        let lobe = |g| self.to.lobe(&a, g, self.m2).map_or([0.0; LANES], |(b, _)| b);
-        (reach.start, reach.map(lobe).collect())
+        let lobe = |g| self.to.lobe(&a, g, self.m2).map(|(b, _)| (g as u32, b));
+        self.to.reach(a, self.m2).filter_map(lobe).collect()
     }
 
     /// Σ_k B(l, k) x_k for every l.
     fn times(&self, x: &[Lanes]) -> Vec<f32> {
-        let sum = |first: usize, row: &[Lanes]| {
+        let sum = |row: &Row| {
             let mut sum = [0.0; LANES];
-            for (b, x) in row.iter().zip(&x[first..]) {
+            for (g, b) in row {
+                let x = &x[*g as usize];
                 for lane in 0..LANES {
                     sum[lane] += b[lane] * x[lane];
                 }
             }
             sum.iter().sum()
         };
-        match &self.kept {
-            Some(rows) => rows.iter().map(|(first, row)| sum(*first, row)).collect(),
-            None => (0..self.from.len)
-                .map(|l| {
-                    let (first, row) = self.row(l);
-                    sum(first, &row)
-                })
-                .collect(),
-        }
+        let kept = self.kept.iter().map(sum);
+        kept.chain((self.kept.len()..self.from.len).map(|l| sum(&self.row(l)))).collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Specular points: what each sees, in which directions, and where radiance goes from one to the next.
 
 use super::form_factor::{plane_distances, projected_solid_angle};
-use super::lobe::{Direction, Directions, LobeTable, directional_albedo, slope_spread};
+use super::lobe::{Direction, Directions, LobeTable, directional_albedo, slope_spread, strip_order};
 use super::normalise::{normalise_reflection, normalise_transmission};
 use super::openings::openings;
 use super::settings::Kernel;
@@ -36,7 +36,7 @@ pub struct SpecularPoint {
     pub material: usize,
     /// Whether it is on the inside of a solid.
     pub inside: bool,
-    /// Sample points seen, [`NO_POINT`] for a black cell; sorted by direction.
+    /// Sample points seen, [`NO_POINT`] for a black cell; in the order of directions.
     pub members: Vec<u32>,
     /// q of each member as seen from here.
     pub q_in: Vec<f32>,
@@ -163,8 +163,7 @@ impl SpecularSet {
                 .flatten();
             let mut members = visible(points, graph, kernel, tolerance, i);
             add_openings(points, i, &mut members);
-            members
-                .sort_by(|a, b| a.direction.to[0].total_cmp(&b.direction.to[0]).then(a.point.cmp(&b.point)));
+            strip_order(&mut members, |m| m.direction.to);
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
             let n2 = materials[material].as_ref().map_or(1.0, |m| m.n2);
             let attenuates =
@@ -281,7 +280,7 @@ fn visible(
     let mut members = Vec::new();
     for j in 0..points.len() {
         let (d_i, d_j, r2) = plane_distances(points, i, j);
-        if !(d_i > tolerance && d_j > tolerance) || !graph.unblocked(i, j) {
+        if !(d_i > tolerance && d_j > tolerance && graph.unblocked(i, j)) {
             continue;
         }
         let q_in = projected_solid_angle(points, i, j, analytic);

@@ -3,7 +3,7 @@
 
 use super::chain::lobe_of;
 use super::form_factor::plane_distances;
-use super::lobe::{Direction, slope_spread};
+use super::lobe::{Direction, Directions, slope_spread, strip_order};
 use super::specular::{SpecularSet, tangents};
 use crate::points::{NO_POINT, SamplePoints};
 use glam::Vec3;
@@ -70,7 +70,7 @@ impl Cones {
             }
             let a = point.reflection.get(member);
             let mut count = 0;
-            for g in facing.reach(&a, m2) {
+            for g in facing.reach(a, m2) {
                 if let Some((b, _)) = facing.lobe(&a, g, m2) {
                     count += b.iter().filter(|b| **b > 0.0).count() as u32;
                 }
@@ -87,7 +87,7 @@ impl Cones {
 }
 
 /// All points that `i` faces, visible or not, as directions.
-fn all_facing(points: &SamplePoints, tolerance: f32, i: usize) -> super::lobe::Directions {
+fn all_facing(points: &SamplePoints, tolerance: f32, i: usize) -> Directions {
     let (x, y) = tangents(points.normal[i]);
     let mut list = Vec::new();
     for j in 0..points.len() {
@@ -96,8 +96,8 @@ fn all_facing(points: &SamplePoints, tolerance: f32, i: usize) -> super::lobe::D
             list.push(facing_direction(points, (i, j), (d_i, d_j, r2), (x, y)));
         }
     }
-    list.sort_by(|a, b| a.to[0].total_cmp(&b.to[0]));
-    super::lobe::Directions::new(&list)
+    strip_order(&mut list, |d| d.to);
+    Directions::new(&list)
 }
 
 /// Point `j` as a direction of point `i`, without a weight.
