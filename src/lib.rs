@@ -39,6 +39,7 @@
 #![deny(missing_docs)]
 #![deny(unsafe_code)]
 
+mod atomic_file;
 pub mod colour;
 pub mod error;
 pub mod first_pass;
