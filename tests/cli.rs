@@ -108,7 +108,7 @@ fn a_report_is_json_with_units_in_its_names() {
     render("scenes/cornell_box.toml", &dir.path().join("a.exr"), &["--report", text(&report)]);
     let text = std::fs::read_to_string(&report).expect("the report is there");
     let json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
-    assert_eq!(json["first_pass"]["rays"], 0);
+    assert_eq!(json["first_pass"]["rays_cast"], 0);
     assert!(json["graph"]["build_s"].is_number());
     assert!(json["peak_memory_bytes"].is_u64());
 }
