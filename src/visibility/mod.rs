@@ -8,7 +8,7 @@
 mod blocker;
 mod build;
 mod cull;
-mod file;
+pub mod file;
 mod graph;
 mod patch;
 mod stats;
