@@ -71,6 +71,9 @@ pub fn prepare(
 }
 
 /// Graph and appearance -> global diffuse radiance. Casts no ray: it is given no tracer.
+///
+/// # Errors
+/// Those of [`first_pass::solve`].
 pub fn light(
     geometry: &Geometry,
     prepared: &Prepared,
@@ -91,6 +94,9 @@ pub fn light(
 }
 
 /// Diffuse radiance -> image.
+///
+/// # Errors
+/// Those of [`second_pass::render`].
 pub fn view(
     geometry: &Geometry,
     prepared: &Prepared,

@@ -25,7 +25,7 @@ impl Cell {
     }
 
     /// The `child`th quarter, 0 to 3. In a quad bit 0 is the upper half of u and bit 1 that of v;
-    /// in a triangle 0, 1, 2 are the corners and 3 the middle.
+    /// in a triangle 0, 1, 2 are the corners and 3 the middle. A cell at [`Cell::MAX_LEVEL`] has none.
     pub fn child(self, child: u32) -> Cell {
         Cell { path: self.path << 2 | child, level: self.level + 1 }
     }
@@ -58,7 +58,7 @@ impl Cell {
         }
     }
 
-    /// Corners in space.
+    /// Corners in space, relative to the scene's centre, m.
     pub fn corners(self, surface: &Surface) -> [DVec3; 4] {
         self.corners_uv(&surface.shape).map(|c| surface.point_at(c.x, c.y))
     }

@@ -28,7 +28,7 @@ pub struct Sampling {
     pub max_solid_angle: Option<f64>,
     /// Graph-driven refinement (4.2.2): the same, but only between points that see each other, sr.
     pub refine_solid_angle: Option<f64>,
-    /// No division below this depth.
+    /// Cells at this depth are not divided; at most [`Cell::MAX_LEVEL`] counts.
     pub max_level: u8,
 }
 

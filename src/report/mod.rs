@@ -62,6 +62,9 @@ pub struct Counts {
 }
 
 /// Writes any report as JSON; the file appears only when whole.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be written.
 pub fn write_json(path: &Path, report: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(report).map_err(|e| Error::io(path, e))?;
     atomic_file::write(path, (text + "\n").as_bytes())

@@ -45,11 +45,11 @@ pub struct PaperTables {
     pub empty_voxels: u64,
     /// N (N - 1).
     pub ordered_pairs: u64,
-    /// Edges of each kind.
+    /// Edges between voxels of which all facing points see each other.
     pub visible_edges: u64,
-    /// Edges of each kind.
+    /// Edges between voxels that see nothing of each other.
     pub hidden_edges: u64,
-    /// Edges of each kind.
+    /// Edges between voxels that see each other in part.
     pub partial_edges: u64,
     /// Pairs of points that the partial edges hold.
     pub pairs_stored: u64,
