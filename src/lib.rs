@@ -38,6 +38,7 @@
 //! | lg, lgmax, EFFMIN | length and limits of specular chains | [`first_pass`] |
 #![deny(missing_docs)]
 #![deny(unsafe_code)]
+#![deny(rustdoc::broken_intra_doc_links)]
 
 mod atomic_file;
 pub mod colour;

@@ -48,7 +48,7 @@ pub fn prepare(
     let mut points = points::sample(geometry, &sampling, &voxels)?;
     let resample =
         |elements: &[Element]| SamplePoints::new(geometry, elements, voxels.len(), |p| voxels.locate(p));
-    let request = points::request_key(geometry, &sampling, &points);
+    let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
         let (points, graph) = file::load(path, &request, geometry, resample)?;
         let interpolator = Interpolator::new(geometry, &points);

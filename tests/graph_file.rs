@@ -15,6 +15,7 @@ use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::{RayTracer, Segment};
 use luxgraph::visibility::file::{load, save};
 use luxgraph::visibility::{GraphStats, VisibilityGraph};
+use luxgraph::voxels::{VoxelSettings, Voxels};
 use std::path::PathBuf;
 
 const REQUEST: [u8; 32] = [7; 32];
@@ -233,13 +234,16 @@ fn a_request_is_told_from_its_thresholds() {
         Sampling { max_area: 1.01, ..refined },
         Sampling { max_level: 3, ..refined },
     ];
-    let keys = others.map(|sampling| request_key(&geometry, &sampling, &points));
+    let voxels = |max_level| Voxels::build(&geometry, &VoxelSettings { max_objects: 5, max_level });
+    let (coarse, fine) = (voxels(3), voxels(4));
+    let keys = others.map(|sampling| request_key(&geometry, &sampling, &coarse, &points));
     for (i, key) in keys.iter().enumerate() {
         assert!(!keys[..i].contains(key), "{i}");
     }
-    let finer = rooms::sample(&geometry, 0.5, 3);
-    assert_ne!(request_key(&geometry, &plain, &finer), keys[0]);
-    assert_eq!(request_key(&geometry, &plain, &points), keys[0]);
+    let smaller = rooms::sample(&geometry, 0.5, 3);
+    assert_ne!(request_key(&geometry, &plain, &coarse, &smaller), keys[0]);
+    assert_ne!(request_key(&geometry, &plain, &fine, &points), keys[0]);
+    assert_eq!(request_key(&geometry, &plain, &coarse, &points), keys[0]);
 }
 
 #[test]

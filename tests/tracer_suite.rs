@@ -97,18 +97,6 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// All that can be said of any tracer.
-fn suite(make: impl for<'a> Fn(&'a Geometry) -> Box<dyn RayTracer + 'a>, agreement: Agreement) {
-    random_rays(&make, agreement);
-    voxel_planes(&make, agreement);
-    in_planes(&make, agreement);
-    no_leaks(&make, agreement);
-    sizes_and_places(&make, agreement);
-    warped(&make, agreement);
-    nonsense(&make);
-    batches(&make);
-}
-
 type Make<'m> = &'m dyn for<'a> Fn(&'a Geometry) -> Box<dyn RayTracer + 'a>;
 
 fn random_rays(make: Make, agreement: Agreement) {
@@ -260,7 +248,7 @@ fn warped(make: Make, agreement: Agreement) {
     assert!((hit.t - 2.0).abs() < 1e-6, "the diagonal v1-v3 is at height 0, v0-v2 at 0.5: t = {}", hit.t);
 }
 
-fn nonsense(make: Make) {
+fn nonsense(make: Make, _: Agreement) {
     let geometry = geometry(&quads());
     let tracer = make(&geometry);
     let good = Ray { origin: DVec3::ZERO, direction: DVec3::X, t_min: 0.0, t_max: f64::INFINITY };
@@ -286,7 +274,7 @@ fn nonsense(make: Make) {
     assert_eq!(make(&nothing).closest(&good), None);
 }
 
-fn batches(make: Make) {
+fn batches(make: Make, _: Agreement) {
     let geometry = geometry(&quads());
     let tracer = make(&geometry);
     let mut random = Random(6);
@@ -302,17 +290,31 @@ fn batches(make: Make) {
     assert!(blocked.contains(&true) && blocked.contains(&false));
 }
 
-#[test]
-fn voxel_tracer() {
-    suite(|g| Box::new(VoxelTracer::new(g)), Agreement::Exact);
+fn voxel(check: fn(Make, Agreement)) {
+    check(&|g| Box::new(VoxelTracer::new(g)), Agreement::Exact);
 }
 
-#[test]
-fn embree_where_it_is_built_in() {
+/// Checks Embree where it is built in.
+fn embree(check: fn(Make, Agreement)) {
     if embree::available().is_some() {
-        suite(|g| Box::new(EmbreeTracer::new(g).expect("Embree takes the scene")), Agreement::ButGrazing);
+        check(&|g| Box::new(EmbreeTracer::new(g).expect("Embree takes the scene")), Agreement::ButGrazing);
     }
 }
+
+/// A test for each of the functions above.
+macro_rules! suite {
+    ($name:ident, $tracer:ident: $($check:ident)*) => {
+        mod $name {
+            $(#[test]
+            fn $check() {
+                super::$tracer(super::$check);
+            })*
+        }
+    };
+}
+
+suite!(voxel_tracer, voxel: random_rays voxel_planes in_planes no_leaks sizes_and_places warped nonsense batches);
+suite!(embree_tracer, embree: random_rays voxel_planes in_planes no_leaks sizes_and_places warped nonsense batches);
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]

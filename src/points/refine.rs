@@ -71,11 +71,22 @@ pub fn refine(
     Ok(finer)
 }
 
-/// A hash of all that fixes the refined points before any refinement is done: the `unrefined` points
-/// and every threshold that [`refine`] looks at. A saved graph is found again by it.
-pub fn request_key(geometry: &Geometry, sampling: &Sampling, unrefined: &SamplePoints) -> [u8; 32] {
+/// A hash of all that fixes the refined points before any refinement is done: the `unrefined`
+/// points, the voxels, and every threshold that [`refine`] looks at. A saved graph answers to it.
+pub fn request_key(
+    geometry: &Geometry,
+    sampling: &Sampling,
+    voxels: &Voxels,
+    unrefined: &SamplePoints,
+) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&unrefined.key);
+    for v in 0..voxels.len() {
+        let bounds = voxels.bounds(v);
+        for x in bounds.min.to_array().into_iter().chain(bounds.max.to_array()) {
+            hasher.update(&x.to_le_bytes());
+        }
+    }
     if let Some(threshold) = sampling.refine_solid_angle {
         hasher.update(&threshold.to_le_bytes());
         hasher.update(&[sampling.level_limit()]);
