@@ -34,11 +34,13 @@
 //! | F(λ, θ) | Fresnel factor | `material::fresnel` |
 //! | D, G | Beckmann distribution, masking and shadowing | `material::microfacet` |
 //! | SI | spatial index of the voxels | [`voxels`] |
-//! | buf-int | the last blocker between two voxels | `visibility::build` |
+//! | buf-int | the last blocker between two voxels | `visibility::tile` |
 //! | lg, lgmax, EFFMIN | length and limits of specular chains | [`first_pass`] |
 #![deny(missing_docs)]
 #![deny(unsafe_code)]
+#![deny(rustdoc::broken_intra_doc_links)]
 
+mod atomic_file;
 pub mod colour;
 pub mod error;
 pub mod first_pass;

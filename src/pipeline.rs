@@ -3,12 +3,12 @@
 use crate::error::Result;
 use crate::first_pass::{self, DiffuseSolution};
 use crate::observer::Observer;
-use crate::points::{self, SamplePoints, Sampling};
+use crate::points::{self, Element, SamplePoints, Sampling};
 use crate::scene::{Appearance, Camera, Geometry, SampledAppearance};
 use crate::second_pass::{self, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage};
 use crate::settings::Settings;
 use crate::tracers::RayTracer;
-use crate::visibility::VisibilityGraph;
+use crate::visibility::{VisibilityGraph, file};
 use crate::voxels::Voxels;
 use std::path::Path;
 
@@ -30,8 +30,11 @@ pub struct Prepared {
 const REFINEMENT_ROUNDS: usize = 4;
 
 /// Scene geometry -> sample points -> visibility graph, refined where points that see each
-/// other are too close (4.2.2). With `graph_file` the graph is read from there if the file
-/// exists, and written there if not.
+/// other are too close (4.2.2). With `graph_file` the graph is read from there, and the points with
+/// it, if the file exists, and written there if not.
+///
+/// # Errors
+/// Those of [`points::sample`], [`VisibilityGraph::build`], [`file::load`] and [`file::save`].
 pub fn prepare(
     geometry: &Geometry,
     sampling: &Sampling,
@@ -43,9 +46,11 @@ pub fn prepare(
     let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
     let voxels = Voxels::build(geometry, &settings.voxels);
     let mut points = points::sample(geometry, &sampling, &voxels)?;
+    let resample =
+        |elements: &[Element]| SamplePoints::new(geometry, elements, voxels.len(), |p| voxels.locate(p));
+    let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
-        // A graph of refined points carries its elements; plain sampling is checked by key.
-        let graph = VisibilityGraph::load(path, &points)?;
+        let (points, graph) = file::load(path, &request, geometry, resample)?;
         let interpolator = Interpolator::new(geometry, &points);
         return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
     }
@@ -55,17 +60,20 @@ pub fn prepare(
         else {
             break;
         };
-        points = SamplePoints::new(geometry, &elements, voxels.len(), |p| voxels.locate(p));
+        points = resample(&elements);
         graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
     }
     if let Some(path) = graph_file {
-        graph.save(path)?;
+        file::save(path, &request, &points, &graph)?;
     }
     let interpolator = Interpolator::new(geometry, &points);
     Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
 }
 
 /// Graph and appearance -> global diffuse radiance. Casts no ray: it is given no tracer.
+///
+/// # Errors
+/// Those of [`first_pass::solve`].
 pub fn light(
     geometry: &Geometry,
     prepared: &Prepared,
@@ -86,6 +94,9 @@ pub fn light(
 }
 
 /// Diffuse radiance -> image.
+///
+/// # Errors
+/// Those of [`second_pass::render`].
 pub fn view(
     geometry: &Geometry,
     prepared: &Prepared,

@@ -97,6 +97,13 @@ fn a_kept_graph_gives_the_same_image_and_fits_its_scene_only() {
 fn both_tracers_agree_where_both_are_built() {
     let said = succeed(&["crosscheck", "scenes/paper_room.toml", "--rays", "20000"]);
     assert!(said.contains("20000") || said.contains("20,000"), "{said}");
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let report = dir.path().join("report.json");
+    succeed(&["crosscheck", "scenes/cornell_box.toml", "--rays", "20000", "--report", text(&report)]);
+    let json = std::fs::read_to_string(&report).expect("the report is there");
+    let json: serde_json::Value = serde_json::from_str(&json).expect("it is JSON");
+    let listed = json["listed"].as_array().map(Vec::len);
+    assert_eq!(listed, json["disagreements"].as_u64().map(|n| n as usize), "every disagreement is listed");
     succeed(&["info"]);
     assert!(succeed(&["info", "scenes/paper_room.toml"]).contains("134 surfaces"));
 }
@@ -108,7 +115,7 @@ fn a_report_is_json_with_units_in_its_names() {
     render("scenes/cornell_box.toml", &dir.path().join("a.exr"), &["--report", text(&report)]);
     let text = std::fs::read_to_string(&report).expect("the report is there");
     let json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
-    assert_eq!(json["first_pass"]["rays"], 0);
+    assert_eq!(json["first_pass"]["rays_cast"], 0);
     assert!(json["graph"]["build_s"].is_number());
     assert!(json["peak_memory_bytes"].is_u64());
 }

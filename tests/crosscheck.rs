@@ -2,7 +2,8 @@
 
 mod tracer_scenes;
 
-use luxgraph::geometry::{Hit, Ray, SurfaceId};
+use glam::DVec3;
+use luxgraph::geometry::{Hit, Ray, Shape, Surface, SurfaceId};
 use luxgraph::observer::Silent;
 use luxgraph::scene::Geometry;
 use luxgraph::tracers::brute_force::BruteForce;
@@ -53,6 +54,46 @@ fn a_tracer_that_misses_a_surface_is_found_and_blamed() {
     assert!(report.classes.iter().all(|c| c.errors[0] == 0));
     assert!(report.listed[0].is_error());
     assert!(report.listed.iter().any(|d| d.question == Question::Closest && d.judged.contains(&0)));
+}
+
+#[test]
+fn every_disagreement_is_listed_and_the_text_shows_the_first_and_all_errors() {
+    let geometry = room(6, 0.4);
+    // The second tracer answers for surfaces moved by no more than rounding.
+    let nudged = nudged(&geometry);
+    let (sound, off) = (BruteForce::new(&geometry), BruteForce::new(&nudged));
+    let report = crosscheck(&geometry, &[&sound, &off], 20_000, 5, &Silent);
+    assert!(report.disagreements > 100, "{}", report.disagreements);
+    assert_eq!(report.listed.len() as u64, report.disagreements);
+    assert!(report.listed.iter().all(|d| d.answers.len() == 2 && d.wrong.len() == 2));
+    let text = report.to_string();
+    let grazing = text.lines().filter(|l| l.contains("| grazing")).count() as u64;
+    assert_eq!(grazing, 20.min(report.disagreements - report.errors));
+    assert_eq!(text.lines().filter(|l| l.contains("| ERROR")).count() as u64, report.errors);
+    assert_eq!(report.not_shown(), report.disagreements - grazing - report.errors);
+    assert!(text.contains(&format!("and {} more", report.not_shown())));
+
+    let report = brute_force_alone(&geometry, 2);
+    assert!(report.errors > 100);
+    assert_eq!(report.listed.len() as u64, report.disagreements);
+    assert_eq!(report.to_string().matches("| ERROR").count() as u64, report.errors);
+}
+
+/// The scene with every vertex moved by about a unit in the last place.
+fn nudged(geometry: &Geometry) -> Geometry {
+    let mut nudged = geometry.clone();
+    for (i, surface) in nudged.surfaces.iter_mut().enumerate() {
+        let nudge = |v: DVec3| {
+            let up =
+                |x: f64| f64::from(if i % 2 == 0 { (x as f32).next_up() } else { (x as f32).next_down() });
+            DVec3::new(up(v.x), up(v.y), up(v.z))
+        };
+        *surface = Surface::new(match surface.shape {
+            Shape::Quad(v) => Shape::Quad(v.map(nudge)),
+            Shape::Triangle(v) => Shape::Triangle(v.map(nudge)),
+        });
+    }
+    nudged
 }
 
 #[test]

@@ -6,6 +6,7 @@ use luxgraph::error::{Error, Result};
 use luxgraph::report::write_json;
 use luxgraph::scene;
 use luxgraph::tracers::brute_force::BruteForce;
+use luxgraph::tracers::crosscheck::MAX_LISTED;
 use luxgraph::tracers::{EmbreeTracer, RayTracer, VoxelTracer, crosscheck, embree};
 
 /// Puts all tracers of this build side by side.
@@ -32,11 +33,21 @@ pub fn run(args: &Crosscheck) -> Result<()> {
     let report =
         crosscheck::crosscheck(&scene.geometry, &[other, &voxel], args.rays, args.seed, &Bars::new());
     print!("{report}");
-    if let Some(path) = &args.report {
-        write_json(path, &report)?;
+    match &args.report {
+        Some(path) => write_json(path, &report)?,
+        None if report.not_shown() > 0 => {
+            println!("--report OUT.json writes all, each with the exact verdict")
+        }
+        None => {}
+    }
+    let unlisted = report.disagreements - report.listed.len() as u64;
+    if unlisted > 0 {
+        eprintln!("note: {unlisted} disagreements beyond the first {MAX_LISTED} are counted but not listed");
     }
     match report.errors {
         0 => Ok(()),
-        n => Err(Error::Tracer(format!("{n} answers are wrong beyond rounding; they are listed above"))),
+        n => Err(Error::Tracer(format!(
+            "{n} questions were answered wrongly beyond rounding; they are listed above"
+        ))),
     }
 }

@@ -1,7 +1,7 @@
 //! OpenEXR: linear RGB for any viewer, and the spectra themselves.
 
 use super::LinearImage;
-use super::atomic;
+use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::second_pass::SpectralImage;
 use ::exr::meta::attribute::Chromaticities;
@@ -28,7 +28,7 @@ pub struct ExrOptions {
 /// as the attribute `whiteLuminance` says. Nothing is clamped. The same image gives the same
 /// bytes. Errors: [`Error::Io`] with the path, the reason and what to do.
 pub fn write(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result<()> {
-    atomic::write(path, &encode(path, image, options)?)
+    atomic_file::write(path, &encode(path, image, options)?)
 }
 
 fn encode(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result<Vec<u8>> {
@@ -117,7 +117,7 @@ fn channel_names(nm: &[f64]) -> Vec<String> {
 /// are. Errors: [`Error::Io`] with the path and the reason.
 pub fn read(path: &Path) -> Result<LinearImage> {
     let image = read_first_flat_layer_from_file(path).map_err(|e| match e {
-        ::exr::error::Error::Io(e) => Error::io(path, atomic::explain(&e)),
+        ::exr::error::Error::Io(e) => Error::io(path, atomic_file::explain(&e)),
         e => Error::io(path, format!("not an OpenEXR file that can be read: {e}")),
     })?;
     let layer = image.layer_data;

@@ -1,6 +1,5 @@
 //! Images to files, and images against images.
 
-pub(crate) mod atomic;
 mod compare;
 pub mod exr;
 mod linear;

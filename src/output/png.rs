@@ -1,8 +1,8 @@
 //! PNG previews: 8 bits, sRGB.
 
 use super::LinearImage;
-use super::atomic;
 use super::linear::LUMINANCE;
+use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::second_pass::SpectralImage;
 use std::path::Path;
@@ -42,7 +42,7 @@ pub fn write(path: &Path, image: &SpectralImage, exposure: Exposure) -> Result<f
             return Err(Error::Settings(format!("exposure {ev} must lie between -100 and 100 EV")));
         }
     };
-    atomic::write(path, &encode(&linear, ev).map_err(|e| Error::io(path, e))?)?;
+    atomic_file::write(path, &encode(&linear, ev).map_err(|e| Error::io(path, e))?)?;
     Ok(ev)
 }
 

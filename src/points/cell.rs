@@ -19,8 +19,13 @@ impl Cell {
     /// Deepest level a path can hold.
     pub const MAX_LEVEL: u8 = 16;
 
+    /// Whether the path is one that `level` divisions can give.
+    pub fn is_valid(self) -> bool {
+        self.level <= Cell::MAX_LEVEL && u64::from(self.path) < 1 << (2 * self.level)
+    }
+
     /// The `child`th quarter, 0 to 3. In a quad bit 0 is the upper half of u and bit 1 that of v;
-    /// in a triangle 0, 1, 2 are the corners and 3 the middle.
+    /// in a triangle 0, 1, 2 are the corners and 3 the middle. A cell at [`Cell::MAX_LEVEL`] has none.
     pub fn child(self, child: u32) -> Cell {
         Cell { path: self.path << 2 | child, level: self.level + 1 }
     }
@@ -53,7 +58,7 @@ impl Cell {
         }
     }
 
-    /// Corners in space.
+    /// Corners in space, relative to the scene's centre, m.
     pub fn corners(self, surface: &Surface) -> [DVec3; 4] {
         self.corners_uv(&surface.shape).map(|c| surface.point_at(c.x, c.y))
     }
@@ -71,6 +76,15 @@ impl Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_path_longer_than_its_level_is_not_valid() {
+        let deepest = (0..Cell::MAX_LEVEL).fold(Cell::ROOT, |cell, _| cell.child(3));
+        assert!(Cell::ROOT.is_valid() && deepest.is_valid());
+        assert!(!Cell { path: 1, level: 0 }.is_valid() && !Cell { path: 4, level: 1 }.is_valid());
+        assert!(!Cell { path: 0, level: Cell::MAX_LEVEL + 1 }.is_valid());
+        assert!(!Cell { path: 0, level: u8::MAX }.is_valid());
+    }
 
     #[test]
     fn children_tile_their_parent() {

@@ -9,7 +9,7 @@ mod subdivide;
 
 pub use cell::Cell;
 pub use neighbours::MAX_EXTRA_LEVELS;
-pub use refine::{MAX_POINTS, refine, sample};
+pub use refine::{MAX_POINTS, refine, request_key, sample};
 pub use subdivide::{Element, divide_by_area, element_area};
 
 use crate::geometry::{Side, SurfaceId};
@@ -28,7 +28,7 @@ pub struct Sampling {
     pub max_solid_angle: Option<f64>,
     /// Graph-driven refinement (4.2.2): the same, but only between points that see each other, sr.
     pub refine_solid_angle: Option<f64>,
-    /// No division below this depth.
+    /// Cells at this depth are not divided; at most [`Cell::MAX_LEVEL`] counts.
     pub max_level: u8,
 }
 
@@ -71,7 +71,7 @@ pub struct SamplePoints {
     pub cell: Vec<Cell>,
     /// First point of each voxel, and at the end the number of points: `[voxels + 1]`.
     pub voxel_starts: Vec<u32>,
-    /// Hash of geometry and sampling: the key of a saved graph.
+    /// Hash of the geometry and of the element and voxel of every point: a graph belongs to one key.
     pub key: [u8; 32],
 }
 

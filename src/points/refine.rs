@@ -60,10 +60,8 @@ pub fn refine(
 ) -> Result<Option<Vec<Element>>> {
     check(sampling)?;
     let Some(threshold) = sampling.refine_solid_angle else { return Ok(None) };
-    // Elements in the order of their surfaces, each with the numbers of its points.
-    let mut order: Vec<usize> = (0..points.len()).filter(|&i| points.side[i] == Side::Front).collect();
-    order.sort_by_key(|&i| (points.surface[i], points.cell[i].place()));
-    let elements: Vec<Element> = order.iter().map(|&i| (points.surface[i], points.cell[i])).collect();
+    let order = points.fronts();
+    let elements = points.elements();
     let sides = |e: usize| [Some(order[e]), points.back_of(order[e])].into_iter().flatten();
     let sees = |a: usize, b: usize| sides(a).any(|i| sides(b).any(|j| sees(i, j)));
     let finer = divide_once(geometry, sampling, &elements, threshold, sees);
@@ -71,6 +69,32 @@ pub fn refine(
         check_count(geometry, finer, "refine_solid_angle")?;
     }
     Ok(finer)
+}
+
+/// A hash of all that fixes the refined points before any refinement is done: the `unrefined`
+/// points, the voxels, and every threshold that [`refine`] looks at. A saved graph answers to it.
+pub fn request_key(
+    geometry: &Geometry,
+    sampling: &Sampling,
+    voxels: &Voxels,
+    unrefined: &SamplePoints,
+) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&unrefined.key);
+    for v in 0..voxels.len() {
+        let bounds = voxels.bounds(v);
+        for x in bounds.min.to_array().into_iter().chain(bounds.max.to_array()) {
+            hasher.update(&x.to_le_bytes());
+        }
+    }
+    if let Some(threshold) = sampling.refine_solid_angle {
+        hasher.update(&threshold.to_le_bytes());
+        hasher.update(&[sampling.level_limit()]);
+        for i in 0..geometry.surfaces.len() {
+            hasher.update(&geometry.max_area_of(SurfaceId(i as u32), sampling).to_le_bytes());
+        }
+    }
+    *hasher.finalize().as_bytes()
 }
 
 /// Divides every element that subtends too much, once; `None` if there is none.
@@ -142,6 +166,18 @@ impl Sampling {
 }
 
 impl SamplePoints {
+    /// The elements that the points stand for, in the order of their surfaces.
+    pub fn elements(&self) -> Vec<Element> {
+        self.fronts().into_iter().map(|i| (self.surface[i], self.cell[i])).collect()
+    }
+
+    /// The points on the fronts of the elements, in the order of [`SamplePoints::elements`].
+    fn fronts(&self) -> Vec<usize> {
+        let mut fronts: Vec<usize> = (0..self.len()).filter(|&i| self.side[i] == Side::Front).collect();
+        fronts.sort_by_key(|&i| (self.surface[i], self.cell[i].place()));
+        fronts
+    }
+
     /// The twin of point `i`, if it has one.
     fn back_of(&self, i: usize) -> Option<usize> {
         (self.twin[i] != super::NO_POINT).then_some(self.twin[i] as usize)

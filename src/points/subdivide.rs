@@ -54,7 +54,11 @@ fn place_on_side(surface: &Surface, p: DVec3, side: Side) -> Vec3 {
 
 impl SamplePoints {
     /// One point at the centre of each element, two where the surface is two-sided, sorted by
-    /// voxel. `voxel_of` gives the voxel, below `voxels`, of a place in local coordinates.
+    /// voxel. `voxel_of` gives the voxel, below `voxels`, of a place in local coordinates, m; the
+    /// order of `elements` does not matter.
+    ///
+    /// # Panics
+    /// If an element is not on a surface of `geometry`, or a voxel is not below `voxels`.
     pub fn new(
         geometry: &Geometry,
         elements: &[Element],

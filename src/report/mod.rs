@@ -5,6 +5,7 @@ pub mod paper_tables;
 
 pub use machine::{Machine, peak_memory_bytes};
 
+use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::first_pass::FirstPassStats;
 use crate::second_pass::SecondPassStats;
@@ -61,7 +62,10 @@ pub struct Counts {
 }
 
 /// Writes any report as JSON; the file appears only when whole.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be written.
 pub fn write_json(path: &Path, report: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(report).map_err(|e| Error::io(path, e))?;
-    crate::output::atomic::write(path, (text + "\n").as_bytes())
+    atomic_file::write(path, (text + "\n").as_bytes())
 }

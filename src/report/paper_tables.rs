@@ -45,11 +45,11 @@ pub struct PaperTables {
     pub empty_voxels: u64,
     /// N (N - 1).
     pub ordered_pairs: u64,
-    /// Edges of each kind.
+    /// Edges between voxels of which all facing points see each other.
     pub visible_edges: u64,
-    /// Edges of each kind.
+    /// Edges between voxels that see nothing of each other.
     pub hidden_edges: u64,
-    /// Edges of each kind.
+    /// Edges between voxels that see each other in part.
     pub partial_edges: u64,
     /// Pairs of points that the partial edges hold.
     pub pairs_stored: u64,
@@ -123,7 +123,7 @@ pub fn group(x: u64) -> String {
     let digits = x.to_string();
     let mut out = String::new();
     for (i, c) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             out.push(',');
         }
         out.push(c);

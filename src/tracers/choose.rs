@@ -19,6 +19,9 @@ pub enum TracerChoice {
 }
 
 /// The chosen tracer over `geometry`.
+///
+/// # Errors
+/// [`Error::Tracer`](crate::error::Error::Tracer) when Embree is chosen and not built in, or refuses the scene.
 pub fn choose(choice: TracerChoice, geometry: &Geometry) -> Result<Box<dyn RayTracer + '_>> {
     let embree = match choice {
         TracerChoice::Auto => embree::available().is_some(),

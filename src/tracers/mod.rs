@@ -1,7 +1,7 @@
 //! Ray tracing: one small seam, several implementations.
 //!
 //! All tracers see the same surfaces (vertices on the `f32` lattice, quads as Embree splits them)
-//! and must agree but for rays that graze an edge within rounding.
+//! and must agree but for rays that graze within rounding: [`judge`] says which those are.
 
 pub mod brute_force;
 mod choose;
@@ -23,7 +23,8 @@ pub trait RayTracer: Sync {
     /// Short name for reports: "embree 3.13.5", "voxel".
     fn name(&self) -> String;
 
-    /// The closest hit within the ray's limits. A ray that is not finite hits nothing.
+    /// The closest hit within the ray's limits. A ray of which origin or direction is not finite, or a limit
+    /// is NaN, hits nothing; limits may be infinite.
     fn closest(&self, ray: &Ray) -> Option<Hit>;
 
     /// [`RayTracer::closest`] for each ray; `hits` is as long as `rays`.

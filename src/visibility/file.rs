@@ -1,57 +1,94 @@
-//! The graph on disk.
+//! The graph on disk, with the elements of the points it was built for.
 //!
-//! Little-endian, in this order: the magic `LUXGRAPH`; the version (`u32`); the key of the sample
-//! points (32 bytes); the numbers of voxels, of words and of bytes of the statistics (`u64` each);
-//! the first point of each voxel and their number (`u32`); one byte for each edge (0 visible, 1
-//! hidden, 2 partial); the words of the partial edges in the order of the edges (`u32`); the
-//! statistics (JSON); and the BLAKE3 hash of all that (32 bytes). Where a partial edge's words
-//! begin follows from the sizes of the voxels, so no offset can be wrong.
+//! Little-endian, in this order: the magic `LUXGRAPH`; the version (`u32`); the key of the request
+//! and that of the sample points (32 bytes each); the numbers of voxels, of elements, of words and
+//! of bytes of the statistics (`u64` each); the elements, each as surface (`u32`), path (`u32`) and
+//! level (`u8`) of its cell; the first point of each voxel and their number (`u32`); one byte for
+//! each edge (0 visible, 1 hidden, 2 partial); the words of the partial edges in the order of the
+//! edges (`u32`); the statistics (JSON); and the BLAKE3 hash of all that (32 bytes). Where a partial
+//! edge's words begin follows from the sizes of the voxels, so no offset can be wrong.
+//!
+//! Refinement (4.2.2) makes points that only the graph itself can tell. So a file answers to the
+//! key of what was asked for ([`request_key`](crate::points::request_key)), and the points are made
+//! again from the elements.
 
 use super::graph::{Edge, VisibilityGraph, edge_index, stride_of};
 use super::stats::GraphStats;
+use crate::atomic_file;
 use crate::error::{Error, Result};
-use crate::points::SamplePoints;
+use crate::geometry::SurfaceId;
+use crate::points::{Cell, Element, SamplePoints};
+use crate::scene::Geometry;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"LUXGRAPH";
-const VERSION: u32 = 1;
-/// Magic, version, key and three sizes.
-const HEADER: u64 = 8 + 4 + 32 + 3 * 8;
+const VERSION: u32 = 2;
+/// Magic, version, two keys and four sizes.
+const HEADER: u64 = 8 + 4 + 2 * 32 + 4 * 8;
+/// Surface, path and level.
+const ELEMENT: usize = 4 + 4 + 1;
 const HASH: u64 = 32;
 /// Words converted at a time.
 const BLOCK: usize = 1 << 14;
 
-impl VisibilityGraph {
-    /// Writes the graph to `path`. It is written under another name in the same folder first, so
-    /// that `path` never holds half a graph.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when the folder cannot be written or the disk is full.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        let name = path.file_name().ok_or_else(|| Error::io(path, "not the name of a file"))?;
-        let mut part = name.to_os_string();
-        part.push(format!(".{}.part", std::process::id()));
-        let part = path.with_file_name(part);
-        let written = self.write(&part).and_then(|()| std::fs::rename(&part, path));
-        written.map_err(|e| {
-            // What is left of the attempt is of no use; that it cannot be removed is no news.
-            let _ = std::fs::remove_file(&part);
-            Error::io(path, e)
-        })
+/// Writes the graph of `points` to `path` as the answer to the request with the key `request`; the
+/// file appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Settings`] when the graph is not that of the points; [`Error::Io`] when the folder
+/// cannot be written or the disk is full.
+pub fn save(
+    path: impl AsRef<Path>,
+    request: &[u8; 32],
+    points: &SamplePoints,
+    graph: &VisibilityGraph,
+) -> Result<()> {
+    if graph.key != points.key {
+        return Err(Error::Settings("a graph can be saved with the points it was built for only".into()));
     }
+    atomic_file::write_with(path.as_ref(), |file| {
+        graph.put(request, &points.elements(), BufWriter::new(&mut *file))?;
+        file.sync_all()
+    })
+}
 
-    fn write(&self, path: &Path) -> io::Result<()> {
+/// Reads what [`save`] wrote for the same `request`: the points, which `rebuild` makes of their
+/// elements (of `geometry`) as it did for the saved graph, and the graph.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read; [`Error::Graph`] when it is no graph, damaged, of
+/// another version, or of another scene, sampling or division into voxels.
+pub fn load(
+    path: impl AsRef<Path>,
+    request: &[u8; 32],
+    geometry: &Geometry,
+    rebuild: impl FnOnce(&[Element]) -> SamplePoints,
+) -> Result<(SamplePoints, VisibilityGraph)> {
+    let path = path.as_ref();
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
+    let reader = Reader { path, input: Hashed::new(BufReader::new(file)), length };
+    reader.read(request, geometry.surfaces.len(), rebuild)
+}
+
+impl VisibilityGraph {
+    fn put(&self, request: &[u8; 32], elements: &[Element], out: impl Write) -> io::Result<()> {
         let stats = serde_json::to_vec(&self.stats)?;
-        let mut out = Hashed::new(BufWriter::new(File::create(path)?));
+        let mut out = Hashed::new(out);
         let words: usize = (0..self.voxels()).map(|b| self.words_of_edges_to(b)).sum();
         out.put(MAGIC)?;
         out.put(&VERSION.to_le_bytes())?;
+        out.put(request)?;
         out.put(&self.key)?;
-        for size in [self.voxels() as u64, words as u64, stats.len() as u64] {
-            out.put(&size.to_le_bytes())?;
+        for size in [self.voxels(), elements.len(), words, stats.len()] {
+            out.put(&(size as u64).to_le_bytes())?;
+        }
+        for (surface, cell) in elements {
+            out.put(&surface.0.to_le_bytes())?;
+            out.put(&cell.path.to_le_bytes())?;
+            out.put(&[cell.level])?;
         }
         out.put_words(&self.starts)?;
         let kinds: Vec<u8> = self.edges.iter().map(|e| kind_of(*e)).collect();
@@ -66,21 +103,8 @@ impl VisibilityGraph {
         }
         out.put(&stats)?;
         let hash = *out.hasher.finalize().as_bytes();
-        let mut file = out.inner;
-        file.write_all(&hash)?;
-        file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
-    }
-
-    /// Reads a graph that [`VisibilityGraph::save`] wrote for the same `points`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when the file cannot be read; [`Error::Graph`] when it is no graph, damaged,
-    /// of another version, or of another scene or sampling.
-    pub fn load(path: impl AsRef<Path>, points: &SamplePoints) -> Result<VisibilityGraph> {
-        let path = path.as_ref();
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
-        Reader { path, input: Hashed::new(BufReader::new(file)), length }.graph(points)
+        out.inner.write_all(&hash)?;
+        out.inner.flush()
     }
 
     /// Words of the tile of voxels `a <= b`.
@@ -101,6 +125,16 @@ fn kind_of(edge: Edge) -> u8 {
         Edge::Hidden => 1,
         Edge::Partial(_) => 2,
     }
+}
+
+/// The word in the first four of `bytes`.
+fn word(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}
+
+/// The element in [`ELEMENT`] bytes.
+fn element(bytes: &[u8]) -> Element {
+    (SurfaceId(word(bytes)), Cell { path: word(&bytes[4..]), level: bytes[8] })
 }
 
 /// Hashes all that passes.
@@ -141,7 +175,12 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn graph(mut self, points: &SamplePoints) -> Result<VisibilityGraph> {
+    fn read(
+        mut self,
+        request: &[u8; 32],
+        surfaces: usize,
+        rebuild: impl FnOnce(&[Element]) -> SamplePoints,
+    ) -> Result<(SamplePoints, VisibilityGraph)> {
         if self.length < HEADER + HASH {
             return Err(self.damaged("it is too short"));
         }
@@ -155,24 +194,26 @@ impl Reader<'_> {
                  delete the file and build the graph again"
             )));
         }
-        let key = self.array()?;
-        let [voxels, words, stats] = [self.size()?, self.size()?, self.size()?];
+        let [answers, key] = [self.array()?, self.array()?];
+        let [voxels, elements, words, stats] = [self.size()?, self.size()?, self.size()?, self.size()?];
         // Sizes are checked against the file before anything is allocated for them.
         let edges = voxels.checked_add(1).and_then(|v| voxels.checked_mul(v)).map(|e| e / 2);
         let total = edges.and_then(|edges| {
             let starts = voxels.checked_add(1)?.checked_mul(4)?;
             let words = words.checked_mul(4)?;
-            [starts, edges, words, stats, HASH].iter().try_fold(HEADER, |t, s| t.checked_add(*s))
+            let elements = elements.checked_mul(ELEMENT as u64)?;
+            [elements, starts, edges, words, stats, HASH].iter().try_fold(HEADER, |t, s| t.checked_add(*s))
         });
         if total != Some(self.length) {
             return Err(self.damaged("its length is not what its header says"));
         }
-        if key != points.key {
+        if answers != *request {
             return Err(self.refused(
                 "the graph was built for another geometry or sampling; build it again for this scene, \
                  or name the scene it belongs to",
             ));
         }
+        let elements = self.bytes(ELEMENT * elements as usize)?;
         let starts = self.words(voxels as usize + 1)?;
         let kinds = self.bytes(edges.unwrap_or(0) as usize)?;
         let bits = self.words(words as usize)?;
@@ -182,8 +223,13 @@ impl Reader<'_> {
             return Err(self.damaged("its checksum does not match"));
         }
         // From here on only a file that was made to deceive can be wrong, and it must not panic.
-        if starts != points.voxel_starts {
-            return Err(self.damaged("its voxels are not those of the sample points"));
+        let elements: Vec<Element> = elements.chunks_exact(ELEMENT).map(element).collect();
+        if !elements.iter().all(|(surface, cell)| surface.index() < surfaces && cell.is_valid()) {
+            return Err(self.damaged("its elements are not elements of the scene"));
+        }
+        let points = rebuild(&elements);
+        if key != points.key || starts != points.voxel_starts {
+            return Err(self.damaged("its sample points are not those of its elements"));
         }
         let Ok(stats) = serde_json::from_slice::<GraphStats>(&stats) else {
             return Err(self.damaged("its statistics cannot be read"));
@@ -192,7 +238,7 @@ impl Reader<'_> {
         if !graph.place_edges(&kinds) {
             return Err(self.damaged("its edges do not fit its bits"));
         }
-        Ok(graph)
+        Ok((points, graph))
     }
 
     fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
@@ -217,7 +263,7 @@ impl Reader<'_> {
         let mut words = Vec::with_capacity(count);
         while words.len() < count {
             let block = self.bytes(4 * (count - words.len()).min(BLOCK))?;
-            words.extend(block.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+            words.extend(block.chunks_exact(4).map(word));
         }
         Ok(words)
     }

@@ -3,12 +3,12 @@
 //! [`VisibilityGraph::build`] decides every pair of sample points, most of them without a ray:
 //! points of one surface and points that face away first, then whole tiles of two planar patches
 //! by proofs, then the last blocker (the paper's buf-int) and the few surfaces that can block,
-//! and only what is left by the ray tracer.
+//! and only what is left by the ray tracer. [`mod@file`] keeps a graph for other runs.
 
 mod blocker;
 mod build;
 mod cull;
-mod file;
+pub mod file;
 mod graph;
 mod patch;
 mod stats;
@@ -17,4 +17,4 @@ mod transpose;
 
 pub use build::GraphSettings;
 pub use graph::{Edge, Tile, VisibilityGraph};
-pub use stats::{GraphStats, Tables};
+pub use stats::GraphStats;

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 use luxgraph::geometry::Shape;
-use luxgraph::points::{SamplePoints, Sampling, divide_by_area};
+use luxgraph::points::{Element, SamplePoints, Sampling, divide_by_area};
 use luxgraph::scene::{Geometry, ObjectId};
 
 /// Collects quadrilaterals.
@@ -95,9 +95,13 @@ pub fn furnished_room(rich: bool) -> Geometry {
 
 /// Points on elements no larger than `max_area`, in `n` x `n` x `n` voxels.
 pub fn sample(geometry: &Geometry, max_area: f64, n: usize) -> SamplePoints {
+    points(geometry, &divide_by_area(geometry, &Sampling::by_area(max_area)), n)
+}
+
+/// Points on `elements` in `n` x `n` x `n` voxels.
+pub fn points(geometry: &Geometry, elements: &[Element], n: usize) -> SamplePoints {
     let bounds = geometry.bounds();
-    let elements = divide_by_area(geometry, &Sampling::by_area(max_area));
-    SamplePoints::new(geometry, &elements, n * n * n, |p| {
+    SamplePoints::new(geometry, elements, n * n * n, |p| {
         let cell =
             ((p - bounds.min) / bounds.size() * n as f64).clamp(DVec3::ZERO, DVec3::splat(n as f64 - 0.5));
         (cell.x as usize * n + cell.y as usize) * n + cell.z as usize

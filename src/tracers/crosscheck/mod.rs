@@ -8,7 +8,7 @@ mod probes;
 mod report;
 
 pub use probes::ProbeClass;
-pub use report::{ClassCounts, CrosscheckReport, Disagreement, LISTED, Question};
+pub use report::{ClassCounts, CrosscheckReport, Disagreement, MAX_LISTED, Question};
 
 use super::judge::{Verdict, judge, judge_closest};
 use super::{RayTracer, Segment};
@@ -23,6 +23,9 @@ use std::ops::Range;
 /// Rays per task: one row of the work, whatever the number of threads.
 const CHUNK: u64 = 1024;
 
+/// Chunks between two additions to the total, which keeps the lists of disagreements bounded.
+const ROUND: u64 = 256;
+
 /// Asks all `tracers` about `rays` rays in `geometry`. The same `seed` gives the same report, whatever the
 /// number of threads. The judge rules on all disagreements and on one in 32 of the rest.
 pub fn crosscheck(
@@ -34,17 +37,22 @@ pub fn crosscheck(
 ) -> CrosscheckReport {
     observer.begin("crosscheck", rays);
     let rays = if geometry.surfaces.is_empty() || tracers.is_empty() { 0 } else { rays };
-    let tallies: Vec<Tally> = (0..rays.div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let first = chunk * CHUNK;
-            let tally = check_chunk(geometry, tracers, first..(first + CHUNK).min(rays), seed);
-            observer.advance(CHUNK.min(rays - first));
-            tally
-        })
-        .collect();
+    let check = |chunk: u64| {
+        let first = chunk * CHUNK;
+        let tally = check_chunk(geometry, tracers, first..(first + CHUNK).min(rays), seed);
+        observer.advance(CHUNK.min(rays - first));
+        tally
+    };
+    let chunks = rays.div_ceil(CHUNK);
+    let mut total = Tally::new(tracers.len());
+    for round in (0..chunks).step_by(ROUND as usize) {
+        let tallies: Vec<Tally> = (round..(round + ROUND).min(chunks)).into_par_iter().map(check).collect();
+        for tally in tallies {
+            total.add(tally);
+        }
+    }
     observer.end();
-    CrosscheckReport::new(tracers.iter().map(|t| t.name()).collect(), seed, tallies)
+    CrosscheckReport::new(tracers.iter().map(|t| t.name()).collect(), seed, total)
 }
 
 fn check_chunk(geometry: &Geometry, tracers: &[&dyn RayTracer], range: Range<u64>, seed: u64) -> Tally {

@@ -6,7 +6,8 @@ use crate::tracers::Segment;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
-/// Every how many rays the judge is asked although the tracers agree: it tests all surfaces.
+/// Of so many rays the judge is asked about two, a random and a hard one, although the tracers agree: it
+/// tests all surfaces.
 const SPOT_CHECK: u64 = 64;
 
 /// What makes a ray hard.

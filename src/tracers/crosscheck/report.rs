@@ -5,8 +5,12 @@ use crate::geometry::Hit;
 use serde::Serialize;
 use std::fmt;
 
-/// At most this many disagreements are listed, those that are somebody's error first; all are counted.
-pub const LISTED: usize = 100;
+/// At most this many disagreements are kept, those that are somebody's error first (some 300 MB); all are
+/// counted.
+pub const MAX_LISTED: usize = 1_000_000;
+
+/// Of the disagreements within rounding, the text of a report shows this many.
+const SHOWN: usize = 20;
 
 /// What the tracers were asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -96,17 +100,24 @@ pub struct CrosscheckReport {
     pub largest_t_difference_m: f64,
     /// Counts by class.
     pub classes: Vec<ClassCounts>,
-    /// The first [`LISTED`] disagreements, errors first.
+    /// All disagreements up to [`MAX_LISTED`], errors first, else in the order of their rays.
     pub listed: Vec<Disagreement>,
 }
 
 impl CrosscheckReport {
-    /// Adds up `tallies` in their order.
-    pub(super) fn new(tracers: Vec<String>, seed: u64, tallies: Vec<Tally>) -> Self {
-        let mut total = Tally::new(tracers.len());
-        for tally in tallies {
-            total.add(tally);
-        }
+    /// How many disagreements its text leaves out.
+    pub fn not_shown(&self) -> u64 {
+        self.disagreements - self.shown().count() as u64
+    }
+
+    /// The disagreements that its text shows: the errors, and the first of the others.
+    fn shown(&self) -> impl Iterator<Item = &Disagreement> {
+        let errors = self.listed.iter().filter(|d| d.is_error()).count();
+        self.listed.iter().take(errors + SHOWN)
+    }
+
+    /// The report of all that `total` counted.
+    pub(super) fn new(tracers: Vec<String>, seed: u64, total: Tally) -> Self {
         let errors_first = total.errors.into_iter().chain(total.grazing);
         CrosscheckReport {
             tracers,
@@ -115,7 +126,7 @@ impl CrosscheckReport {
             disagreements: total.disagreements,
             errors: total.error_count,
             largest_t_difference_m: total.largest_t_difference,
-            listed: errors_first.take(LISTED).collect(),
+            listed: errors_first.take(MAX_LISTED).collect(),
             classes: total.classes,
         }
     }
@@ -180,12 +191,11 @@ impl Tally {
             }
             &mut self.grazing
         };
-        if list.len() < LISTED {
-            list.push(disagreement);
-        }
+        list.push(disagreement);
     }
 
-    fn add(&mut self, other: Tally) {
+    /// Adds the counts of the rays that follow, and as much of their lists as may be kept.
+    pub fn add(&mut self, other: Tally) {
         for (mine, its) in self.classes.iter_mut().zip(other.classes) {
             mine.rays += its.rays;
             mine.blocked_grazing += its.blocked_grazing;
@@ -197,9 +207,9 @@ impl Tally {
         self.disagreements += other.disagreements;
         self.error_count += other.error_count;
         self.errors.extend(other.errors);
-        self.errors.truncate(LISTED);
+        self.errors.truncate(MAX_LISTED);
         self.grazing.extend(other.grazing);
-        self.grazing.truncate(LISTED);
+        self.grazing.truncate(MAX_LISTED - self.errors.len());
         self.largest_t_difference = self.largest_t_difference.max(other.largest_t_difference);
     }
 }
@@ -224,12 +234,11 @@ impl fmt::Display for CrosscheckReport {
                 c.rays, c.blocked_grazing, c.closest_grazing
             )?;
         }
-        for d in &self.listed {
+        for d in self.shown() {
             writeln!(f, "{d}")?;
         }
-        let unlisted = self.disagreements - self.listed.len() as u64;
-        if unlisted > 0 {
-            writeln!(f, "... and {unlisted} more, all of them within rounding")?;
+        if self.not_shown() > 0 {
+            writeln!(f, "  ... and {} more", self.not_shown())?;
         }
         writeln!(
             f,

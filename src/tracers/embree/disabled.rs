@@ -16,6 +16,9 @@ pub struct EmbreeTracer(Infallible);
 
 impl EmbreeTracer {
     /// Fails and says how to build Embree in.
+    ///
+    /// # Errors
+    /// Always [`Error::Tracer`].
     pub fn new(_geometry: &Geometry) -> Result<Self> {
         Err(Error::Tracer(
             "Embree is not in this build: build with `--features embree` (Debian and Ubuntu: apt install \

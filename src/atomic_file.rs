@@ -1,13 +1,21 @@
 //! Files that appear whole or not at all.
 
 use crate::error::{Error, Result};
-use std::fs::{self, OpenOptions};
-use std::io::{ErrorKind, Write};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes `bytes` beside `path` and then renames the file, so that nobody ever sees half of it and
-/// an older file survives a failure.
+/// [`write_with`] for what is all in memory.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_with(path, |file| file.write_all(bytes))
+}
+
+/// Lets `put` write a file beside `path` and then renames it, so that nobody ever sees half of it
+/// and an older file survives a failure.
+///
+/// # Errors
+/// [`Error::Io`] when `path` cannot be written or `put` fails; nothing is left behind.
+pub(crate) fn write_with(path: &Path, put: impl FnOnce(&mut File) -> io::Result<()>) -> Result<()> {
     let Some(name) = path.file_name() else {
         return Err(Error::io(path, "this names no file; give a file name"));
     };
@@ -28,7 +36,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         }
     }
     let mut file = opened.map_err(|e| Error::io(path, explain(&e)))?;
-    let written = file.write_all(bytes).and_then(|()| file.flush());
+    let written = put(&mut file).and_then(|()| file.flush());
     drop(file);
     written.and_then(|()| fs::rename(&temporary, path)).map_err(|e| {
         // What is left of a failed attempt is of no use; that it may not go away changes nothing.
@@ -38,7 +46,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// The system's reason and what to do about it.
-pub(super) fn explain(error: &std::io::Error) -> String {
+pub(crate) fn explain(error: &io::Error) -> String {
     let remedy = match error.kind() {
         ErrorKind::NotFound => "the directory or file does not exist: create it or correct the path",
         ErrorKind::PermissionDenied => "no permission: choose another place or change its permissions",
