@@ -87,6 +87,7 @@ fn a_furnace_stays_uniform_around_a_glass_block() {
 
 #[test]
 fn absorbing_glass_absorbs() {
+    // What goes in at a clear block comes out again; behind a black one it stays.
     let flux = |absorption: f32| {
         let mut quads = cube([0; 6]);
         quads.extend(block(DVec3::splat(0.3), DVec3::splat(0.7), 1, true));
@@ -96,5 +97,5 @@ fn absorbing_glass_absorbs() {
         stats
     };
     let (clear, dark) = (flux(0.0), flux(1000.0));
-    assert!(dark.longest_chain <= clear.longest_chain);
+    assert!(dark.longest_chain < clear.longest_chain);
 }
