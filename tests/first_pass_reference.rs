@@ -48,9 +48,9 @@ fn sheet(z: f64) -> [DVec3; 4] {
 
 #[test]
 fn facing_mirrors() {
-    // Two mirrors face each other (x = 0 and x = 1).
     let materials = vec![diffuse(0.5, 0.0), glossy(0.8, 0.9, 0.0, 0.1, 0.0)];
-    let scene = TestScene::new(&cube([1, 1, 0, 0, 0, 0]), materials, 1.0 / 36.0);
+    let quads = room(DVec3::ZERO, DVec3::new(1.0, 1.0, 2.0), [0, 0, 0, 0, 1, 1]);
+    let scene = TestScene::new(&quads, materials, 1.0 / 16.0);
     let (literal, counted) = compare(&scene, 2);
     assert_eq!(literal, counted);
 }

@@ -12,13 +12,14 @@ pub const BAND: usize = 4;
 pub type Band = [f32; BAND];
 type Lanes = [f32; LANES];
 
-/// The cone of section 3.2 ends where exp(-tan²α / m²) is 1e-3: tan²α = 6.9 m². The share of
-/// the facets beyond is 1e-3 as well, and the normalisation puts it back.
-const CUT: f32 = 6.907_755;
+/// The cone of section 3.2 ends where exp(-tan²α / m²) is 1e-2: tan²α = 4.6 m². The share of
+/// the facets beyond is 1e-2 as well, and the normalisation puts it back.
+const CUT: f32 = 4.605_17;
 
-/// How much wider than their own variance the elements make the lobe. With 1 (equal variances) a
-/// lobe reaches few enough elements for their raster to show on the receiver; 2 smooths it.
-const SPREAD: f32 = 2.0;
+/// How much wider than its own variance the specular element makes the lobe. Mirror elements stand in
+/// a raster of pitch h; Gaussians of deviation σ at that pitch ripple by 2 exp(-2 π² σ² / h²), and
+/// σ² / h² is this number / 4π: 3 leaves 2 %, where equal variances (1) would leave 40 %.
+const BLUR: f32 = 3.0;
 
 /// Directions of what a point sees on one side of its surface, in structure of arrays. Neighbours in
 /// the list should be neighbours in direction ([`strip_order`]), so that groups can be passed over whole.
@@ -83,8 +84,17 @@ pub struct Direction {
 /// twice the variance of the slope along an axis. Across the plane of incidence the slope varies
 /// 1 / cos θ times as much; the lobe is round, so the mean of both counts (cos θ no less than 0.1).
 pub fn slope_spread(omega: f32, cosine: f32) -> f32 {
-    let oblique = 1.0 / (cosine * cosine).max(0.01);
-    SPREAD * omega / (8.0 * PI) * 0.5 * (1.0 + oblique)
+    omega / (8.0 * PI) * oblique(cosine)
+}
+
+/// The same, as a square root, for the specular element itself, whose longer side is seen under
+/// `angle` (side / distance).
+pub fn slope_blur(angle: f32, cosine: f32) -> f32 {
+    angle * (BLUR / (8.0 * PI) * oblique(cosine)).sqrt()
+}
+
+fn oblique(cosine: f32) -> f32 {
+    0.5 * (1.0 + 1.0 / (cosine * cosine).max(0.01))
 }
 
 impl Directions {

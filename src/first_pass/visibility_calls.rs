@@ -3,7 +3,7 @@
 
 use super::chain::lobe_of;
 use super::form_factor::plane_distances;
-use super::lobe::{Direction, Directions, slope_spread, strip_order};
+use super::lobe::{Direction, Directions, slope_blur, slope_spread, strip_order};
 use super::specular::{SpecularSet, tangents};
 use crate::points::{NO_POINT, SamplePoints};
 use glam::Vec3;
@@ -113,7 +113,14 @@ pub fn facing_direction(
     Direction {
         to: [w.dot(x), w.dot(y), d_i / distance],
         spread: slope_spread(omega(points.area[j], d_j), d_i / distance),
-        blur: slope_spread(omega(points.area[i], d_i), d_i / distance).sqrt(),
+        blur: slope_blur(longer_side(&points.corners[i]) / distance, d_i / distance),
         weight: 0.0,
     }
+}
+
+/// The longer of the two mean side lengths of an element, m.
+fn longer_side([a, b, c, d]: &[Vec3; 4]) -> f32 {
+    let across = 0.5 * (*b + *c - *a - *d).length();
+    let along = 0.5 * (*c + *d - *a - *b).length();
+    across.max(along)
 }
