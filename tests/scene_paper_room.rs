@@ -116,9 +116,7 @@ fn the_leg_throws_light_near_its_foot() {
     assert!(landed.len() >= 40, "{} of 100 places on the leg are lit", landed.len());
     let near = landed
         .iter()
-        .filter(|(o, at)| {
-            matches!(o.as_str(), "floor" | "bench") && (at.x - 2.4).hypot(at.y - 1.75) < 0.9
-        })
+        .filter(|(o, at)| matches!(o.as_str(), "floor" | "bench") && (at.x - 2.4).hypot(at.y - 1.75) < 0.9)
         .count();
     assert!(2 * near >= landed.len(), "{near} of {}: {landed:?}", landed.len());
 }
