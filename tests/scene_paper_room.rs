@@ -42,7 +42,7 @@ fn the_room_has_the_counts_of_the_paper() {
                 _ => sum,
             }
         });
-    assert_eq!(flux, 9000.0);
+    assert_eq!(flux, 12000.0);
 }
 
 /// Nothing leaves the room, and from inside only fronts are seen.
@@ -68,35 +68,57 @@ fn the_room_is_closed_and_faces_inwards() {
     }
 }
 
-/// Light from the middle of luminaire 2, mirrored, lands beside the door: on the wall x = 5 or
-/// on the floor, clear of the door itself.
-#[test]
-fn the_mirror_throws_its_spot_beside_the_door() {
-    let scene = paper_room();
+/// Where light from the middle of `lamp`, mirrored once in the first surface of `mirror`, lands: one
+/// object and point for each of 100 places on it that the lamp reaches straight.
+fn mirrored_once(scene: &Scene, lamp: &str, mirror: &str) -> Vec<(String, DVec3)> {
     let surface_of = |name: &str| {
         let is = |o: &luxgraph::scene::ObjectId| scene.geometry.objects[o.0 as usize] == name;
         scene.geometry.surfaces[scene.geometry.object.iter().position(is).expect(name)]
     };
-    let (lamp, mirror) = (surface_of("lamp 2"), surface_of("mirror"));
+    let (lamp, mirror) = (surface_of(lamp), surface_of(mirror));
     let tracer = BruteForce::new(&scene.geometry);
     let from = lamp.point_at(0.5, 0.5) + 1e-3 * lamp.normal;
-    let mut beside = 0;
+    let mut landed = Vec::new();
     for i in 0..10 {
         for j in 0..10 {
-            let on_mirror = mirror.point_at((f64::from(i) + 0.5) / 10.0, (f64::from(j) + 0.5) / 10.0);
-            let incoming = (on_mirror - from).normalize();
+            let at = mirror.point_at((f64::from(i) + 0.5) / 10.0, (f64::from(j) + 0.5) / 10.0);
+            let origin = at + 1e-6 * mirror.normal;
+            let way = origin - from;
+            let t_max = way.length();
+            let incoming = way / t_max;
+            if tracer.closest(&Ray { origin: from, direction: incoming, t_min: 1e-6, t_max }).is_some() {
+                continue;
+            }
             let direction = incoming - 2.0 * incoming.dot(mirror.normal) * mirror.normal;
-            let origin = on_mirror + 1e-6 * mirror.normal;
             let ray = Ray { origin, direction, t_min: 1e-6, t_max: f64::INFINITY };
             let hit = tracer.closest(&ray).expect("a closed room");
-            let object =
-                scene.geometry.objects[scene.geometry.object[hit.surface.index()].0 as usize].as_str();
-            let at: DVec3 = ray.at(hit.t) + scene.geometry.centre;
-            // The door is between y = 0.26 and 1.29.
-            beside += usize::from(matches!(object, "wall x=5" | "floor") && (1.29..3.5).contains(&at.y));
+            let object = scene.geometry.object[hit.surface.index()].0 as usize;
+            landed.push((scene.geometry.objects[object].clone(), ray.at(hit.t) + scene.geometry.centre));
         }
     }
-    assert!(beside >= 60, "{beside} of 100 rays land beside the door");
+    landed
+}
+
+/// Light of luminaire 2, mirrored, lands on the wall between the door (its frame ends at y = 2.29)
+/// and the corner.
+#[test]
+fn the_mirror_throws_its_spot_beside_the_door() {
+    let landed = mirrored_once(&paper_room(), "lamp 2", "mirror");
+    let beside = landed.iter().filter(|(o, at)| o == "wall x=5" && at.y > 2.29).count();
+    assert!(beside >= 60, "{beside} of 100 rays land beside the door: {landed:?}");
+}
+
+/// Light of luminaire 1, thrown back by the flat of the leg that is turned to it, lands on the floor
+/// and the bench near the foot.
+#[test]
+fn the_leg_throws_light_near_its_foot() {
+    let landed = mirrored_once(&paper_room(), "lamp 1", "table leg");
+    assert!(landed.len() >= 40, "{} of 100 places on the leg are lit", landed.len());
+    let near = landed
+        .iter()
+        .filter(|(o, at)| matches!(o.as_str(), "floor" | "bench") && (at.x - 2.4).hypot(at.y - 1.75) < 0.9)
+        .count();
+    assert!(2 * near >= landed.len(), "{near} of {}: {landed:?}", landed.len());
 }
 
 #[test]
