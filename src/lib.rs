@@ -54,6 +54,7 @@ pub mod report;
 pub mod scene;
 pub mod second_pass;
 pub mod settings;
+mod simd;
 pub mod spectrum;
 pub mod tracers;
 pub mod visibility;

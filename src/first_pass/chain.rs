@@ -5,6 +5,7 @@ use super::lobe::{BAND, Band, Directions, LANES, LobeTable};
 use super::settings::ChainLimits;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
+use crate::simd::{HotLoop, wide};
 use rayon::prelude::*;
 
 /// Specular points whose outgoing radiances are held at a time.
@@ -276,14 +277,16 @@ impl Bounce<'_> {
         if let Some(material) = self.set.material(point) {
             let (reflect, m2) = lobe_of(point, material);
             let from = &point.reflection;
-            scatter((from, &members, &values), from, m2, reflect, &mut radiance, bands);
+            let sources = (&members[..], &values[..]);
+            wide(Scatter { from, sources, to: from, m2, table: reflect, radiance: &mut radiance, bands });
             if let (Some(twin), Some(transmit), Some(to)) =
                 (point.twin, &material.transmit, &point.transmission)
                 && let Some(from) = &self.set.points[twin as usize].transmission
             {
                 let (members, values, _) = self.sources(twin as usize);
                 let mut through = vec![[0.0; BAND]; radiance.len()];
-                scatter((from, &members, &values), to, 0.0, transmit, &mut through, bands);
+                let sources = (&members[..], &values[..]);
+                wide(Scatter { from, sources, to, m2: 0.0, table: transmit, radiance: &mut through, bands });
                 // Radiance over n² is what stays the same across the boundary; inside elements
                 // already weigh n² in the normalisation.
                 let n2 = if point.inside { material.n2 } else { 1.0 };
@@ -332,34 +335,47 @@ pub fn lobe_of<'a>(point: &SpecularPoint, material: &'a SpecularMaterial) -> (&'
     }
 }
 
-/// Adds Σ_l F B(l, k) u_l u_k q_l L_l to the radiance towards every k of `to`; the sources are
-/// members of `from` with their q L, `[sources][bands]`.
-fn scatter(
-    (from, members, values): (&Directions, &[u32], &[Band]),
-    to: &Directions,
+/// Adds Σ_l F B(l, k) u_l u_k q_l L_l to the radiance towards every k.
+struct Scatter<'a> {
+    /// Where the light comes from.
+    from: &'a Directions,
+    /// The members of `from` that send light, and their q L, `[sources][bands]`.
+    sources: (&'a [u32], &'a [Band]),
+    /// Where it goes.
+    to: &'a Directions,
     m2: f32,
-    table: &LobeTable,
-    radiance: &mut [Band],
+    /// F times the specular share.
+    table: &'a LobeTable,
+    /// Towards each k, `[members][bands]`.
+    radiance: &'a mut [Band],
     bands: usize,
-) {
-    for (&member, source) in members.iter().zip(values.chunks(bands)) {
-        let a = from.get(member as usize);
-        let u = from.gain * from.scale_of(member as usize);
-        if a.to[2] <= 0.0 {
-            continue;
-        }
-        for g in to.reach(a, m2) {
-            let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
-            let scale = &to.scale[g];
-            let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
-            for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
-                if b[lane] == 0.0 {
-                    continue;
-                }
-                let weight = b[lane] * u * scale[lane];
-                let (f0, f1, f) = table.at(cosine[lane]);
-                for (((out, l), f0), f1) in out.iter_mut().zip(source).zip(f0).zip(f1) {
-                    *out = std::array::from_fn(|c| out[c] + weight * (f0[c] + f * (f1[c] - f0[c])) * l[c]);
+}
+
+impl HotLoop for Scatter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Scatter { from, sources: (members, values), to, m2, table, radiance, bands } = self;
+        for (&member, source) in members.iter().zip(values.chunks(bands)) {
+            let a = from.get(member as usize);
+            let u = from.gain * from.scale_of(member as usize);
+            if a.to[2] <= 0.0 {
+                continue;
+            }
+            for g in to.reach(a, m2) {
+                let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
+                let (slot, f) = table.slots(&cosine);
+                let scale = &to.scale[g];
+                let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
+                // Lanes outside the cone have weight 0: adding that costs less than asking.
+                for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
+                    let weight = b[lane] * u * scale[lane];
+                    for ((out, l), (here, step)) in out.iter_mut().zip(source).zip(table.entry(slot[lane])) {
+                        for c in 0..BAND {
+                            out[c] += weight * (here[c] + f[lane] * step[c]) * l[c];
+                        }
+                    }
                 }
             }
         }

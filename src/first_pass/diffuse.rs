@@ -5,6 +5,7 @@ use super::form_factor::{plain, plane_distances};
 use super::near::{NearPairs, correction};
 use super::settings::Kernel;
 use crate::points::SamplePoints;
+use crate::simd::{HotLoop, wide};
 use crate::visibility::{Tile, VisibilityGraph};
 use rayon::prelude::*;
 
@@ -191,7 +192,6 @@ impl<'a> DiffuseOperator<'a> {
             return Vec::new();
         }
         let w = radiance.len() / n;
-        let groups = self.columns.area.len();
         let packed = self.pack(radiance, w);
         let blocks: Vec<Vec<f64>> = self
             .tasks
@@ -199,20 +199,9 @@ impl<'a> DiffuseOperator<'a> {
             .map(|&task| {
                 let (_, first, end) = task;
                 let mut sums = vec![0.0f64; (end - first) * w];
-                let mut q: Vec<Lanes> = Vec::new();
                 self.tiles(task, |b, tile, r0| {
-                    let columns = self.columns.starts[b]..self.columns.starts[b + 1];
-                    for i in (first..end).filter(|&i| wanted(i)) {
-                        q.clear();
-                        q.extend(columns.clone().enumerate().map(|(group, g)| {
-                            let bits = bits_of(tile, r0 + i - first, group);
-                            self.columns.seen_from(self.points, i, g, bits, self.tolerance)
-                        }));
-                        for (k, sum) in sums[(i - first) * w..(i - first + 1) * w].iter_mut().enumerate() {
-                            let x = &packed[k * groups + columns.start..k * groups + columns.end];
-                            *sum += f64::from(dot(&q, x));
-                        }
-                    }
+                    let (operator, sums, packed) = (self, &mut sums[..], &packed[..]);
+                    wide(Sweep { operator, b, tile, r0, first, end, wanted: &wanted, packed, w, sums });
                 });
                 for i in (first..end).filter(|&i| wanted(i)) {
                     for (j, difference) in self.near.row(i) {
@@ -275,8 +264,52 @@ impl<'a> DiffuseOperator<'a> {
     }
 }
 
+/// The receivers `first..end` of a task against the columns of voxel `b`.
+struct Sweep<'a, F> {
+    operator: &'a DiffuseOperator<'a>,
+    b: usize,
+    tile: &'a Tile<'a>,
+    /// Row of the tile that `first` is.
+    r0: usize,
+    first: usize,
+    end: usize,
+    wanted: &'a F,
+    /// Radiance, `[W][groups]`.
+    packed: &'a [Lanes],
+    w: usize,
+    /// E of the receivers, `[end - first][W]`, to be added to.
+    sums: &'a mut [f64],
+}
+
+impl<F: Fn(usize) -> bool> HotLoop for Sweep<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Sweep { operator, first, w, .. } = self;
+        let columns = &operator.columns;
+        let (start, end) = (columns.starts[self.b], columns.starts[self.b + 1]);
+        let groups = columns.area.len();
+        let mut q: Vec<Lanes> = Vec::with_capacity(end - start);
+        for i in first..self.end {
+            if !(self.wanted)(i) {
+                continue;
+            }
+            q.clear();
+            for g in start..end {
+                let bits = bits_of(self.tile, self.r0 + i - first, g - start);
+                q.push(columns.seen_from(operator.points, i, g, bits, operator.tolerance));
+            }
+            for k in 0..w {
+                let x = &self.packed[k * groups + start..k * groups + end];
+                self.sums[(i - first) * w + k] += f64::from(dot(&q, x));
+            }
+        }
+    }
+}
+
 /// Σ a b, lane by lane, then across.
-#[inline]
+#[inline(always)]
 fn dot(a: &[Lanes], b: &[Lanes]) -> f32 {
     let mut sum = [0.0; LANES];
     for (a, b) in a.iter().zip(b) {

@@ -19,7 +19,7 @@ pub fn plane_distances(points: &SamplePoints, i: usize, j: usize) -> (f32, f32, 
 }
 
 /// The paper's kernel: cos cos δS_j / r², at most π so that F <= 1.
-#[inline]
+#[inline(always)]
 pub fn plain(d_i: f32, d_j: f32, r2: f32, area: f32) -> f32 {
     let inverse = 1.0 / r2;
     ((d_i * inverse) * (d_j * inverse) * area).min(std::f32::consts::PI)

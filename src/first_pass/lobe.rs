@@ -147,6 +147,7 @@ impl Directions {
     }
 
     /// The groups of lanes that the lobe of `a` may reach, ascending.
+    #[inline(always)]
     pub fn reach(&self, a: Direction, m2: f32) -> impl Iterator<Item = usize> {
         let within = move |b: &Bounds| {
             // Distance of the mirrored direction from the group's box.
@@ -181,14 +182,14 @@ impl Directions {
         let mut b = [0.0; LANES];
         let mut cosine = [0.0; LANES];
         for l in 0..LANES {
-            let tan2 = t2[l] / z2[l];
+            // D G / (4 pi cos cos) with tan² = t2 / z2, 1 / cos⁴ = (v2 / z2)², arranged to divide twice.
             let v2 = t2[l] + z2[l];
-            let d = exp_minus(tan2 / width[l]) * (1.0 + tan2) * (1.0 + tan2) / width[l];
-            let g = (4.0 * (z[l] + az) * z[l].min(az) / v2).min(1.0);
-            let value = d * g / (4.0 * PI * az * z[l]);
+            let slope = 1.0 / (z2[l] * width[l]);
+            let d_g = exp_minus(t2[l] * slope) * v2 * v2.min(4.0 * (z[l] + az) * z[l].min(az));
+            let value = d_g * slope / (z2[l] * 4.0 * PI * az * z[l]);
             b[l] = if inside[l] != 0 { value } else { 0.0 };
             // Only the roughness tilts facets; the width that elements add does not.
-            cosine[l] = 0.5 * (z2[l] + t2[l] * m2 / width[l]).sqrt();
+            cosine[l] = 0.5 * (z2[l] + t2[l] * m2 * z2[l] * slope).sqrt();
         }
         Some((b, cosine))
     }
@@ -258,12 +259,13 @@ pub fn interpolate(table: &[f32], cosine: f32) -> f32 {
     table[slot] + (x - slot as f32) * (table[slot + 1] - table[slot])
 }
 
-/// A [`FresnelTable`] times a share, its wavelengths in bands of [`BAND`]: `[entries][bands]`.
+/// A [`FresnelTable`] times a share, its wavelengths in bands of [`BAND`].
 #[derive(Clone, Debug)]
 pub struct LobeTable {
     bands: usize,
     last: usize,
-    values: Vec<Band>,
+    /// Each entry and its difference from the next, `[entries - 1][bands]`.
+    values: Vec<(Band, Band)>,
 }
 
 impl LobeTable {
@@ -271,29 +273,44 @@ impl LobeTable {
     pub fn new(table: &FresnelTable, share: f32, complement: bool) -> Self {
         let w = table.wavelengths;
         let bands = w.div_ceil(BAND);
-        let mut values = vec![[0.0; BAND]; table.entries() * bands];
-        for (i, &value) in table.values.iter().enumerate() {
-            let (entry, k) = (i / w, i % w);
-            let value = if complement { 1.0 - value } else { value };
-            values[entry * bands + k / BAND][k % BAND] = share * value;
-        }
-        LobeTable { bands, last: table.entries() - 1, values }
+        let last = table.entries() - 1;
+        let value = |entry: usize, k: usize| {
+            let value = if k < w { table.values[entry * w + k] } else { 0.0 };
+            if complement && k < w { share * (1.0 - value) } else { share * value }
+        };
+        let values = (0..last * bands)
+            .map(|i| {
+                let (entry, first) = (i / bands, i % bands * BAND);
+                let here: Band = std::array::from_fn(|c| value(entry, first + c));
+                (here, std::array::from_fn(|c| value(entry + 1, first + c) - here[c]))
+            })
+            .collect();
+        LobeTable { bands, last, values }
     }
 
-    /// The two neighbouring entries for a cosine, and how far towards the second.
+    /// The entry before each cosine, and how far each is towards the next.
     #[inline(always)]
-    pub fn at(&self, cosine: f32) -> (&[Band], &[Band], f32) {
-        let x = (1.0 - cosine.clamp(0.0, 1.0)) * self.last as f32;
-        let slot = (x as usize).min(self.last.saturating_sub(1));
-        let (a, b) = (slot * self.bands, (slot + 1).min(self.last) * self.bands);
-        (&self.values[a..a + self.bands], &self.values[b..b + self.bands], x - slot as f32)
+    pub fn slots(&self, cosine: &Lanes) -> ([i32; LANES], Lanes) {
+        let (mut slot, mut f) = ([0; LANES], [0.0; LANES]);
+        for l in 0..LANES {
+            let x = (1.0 - cosine[l].clamp(0.0, 1.0)) * self.last as f32;
+            slot[l] = (x as i32).min(self.last as i32 - 1);
+            f[l] = x - slot[l] as f32;
+        }
+        (slot, f)
+    }
+
+    /// The bands of an entry and their differences from the next.
+    #[inline(always)]
+    pub fn entry(&self, slot: i32) -> &[(Band, Band)] {
+        &self.values[slot as usize * self.bands..][..self.bands]
     }
 
     /// The value at a cosine for wavelength `k`.
     pub fn value(&self, cosine: f32, k: usize) -> f32 {
-        let (a, b, f) = self.at(cosine);
-        let (a, b) = (a[k / BAND][k % BAND], b[k / BAND][k % BAND]);
-        a + f * (b - a)
+        let (slot, f) = self.slots(&[cosine; LANES]);
+        let (here, step) = &self.entry(slot[0])[k / BAND];
+        here[k % BAND] + f[0] * step[k % BAND]
     }
 }
 

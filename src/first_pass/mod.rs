@@ -172,7 +172,7 @@ fn check_material(material: &SampledMaterial, w: usize) -> Result<()> {
     let sane = |v: &[f32], most: f32| v.iter().all(|&x| (0.0..=most).contains(&x));
     let table = |t: &&FresnelTable| {
         t.wavelengths == w
-            && t.values.len() >= w
+            && t.values.len() >= 2 * w
             && t.values.len().is_multiple_of(w)
             && sane(&t.values, 1.0001)
     };

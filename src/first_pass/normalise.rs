@@ -3,6 +3,7 @@
 //! energy is neither created nor lost and reciprocity holds.
 
 use super::lobe::{Directions, LANES, interpolate};
+use crate::simd::{HotLoop, wide};
 
 /// Rounds of balancing at most; the error left falls slowly after the first few.
 const ROUNDS: usize = 12;
@@ -26,41 +27,83 @@ struct Lobes<'a> {
 
 impl<'a> Lobes<'a> {
     fn new(from: &'a Directions, to: &'a Directions, m2: f32) -> Self {
-        let mut lobes = Lobes { from, to, m2, kept: Vec::new() };
+        wide(Keep(Lobes { from, to, m2, kept: Vec::new() }))
+    }
+
+    /// B(l, ·).
+    #[inline(always)]
+    fn row(&self, l: usize) -> Row {
+        let mut row = Vec::new();
+        let a = self.from.get(l);
+        if a.to[2] > 0.0 {
+            for g in self.to.reach(a, self.m2) {
+                if let Some((b, _)) = self.to.lobe(&a, g, self.m2) {
+                    row.push((g as u32, b));
+                }
+            }
+        }
+        row
+    }
+
+    /// Σ_k B(l, k) x_k for every l.
+    fn times(&self, x: &[Lanes]) -> Vec<f32> {
+        wide(Times { lobes: self, x })
+    }
+}
+
+/// Computes the rows that are kept.
+struct Keep<'a>(Lobes<'a>);
+
+impl<'a> HotLoop for Keep<'a> {
+    type Output = Lobes<'a>;
+
+    #[inline(always)]
+    fn run(self) -> Lobes<'a> {
+        let Keep(mut lobes) = self;
         let mut groups = 0;
-        while groups < KEPT && lobes.kept.len() < from.len {
+        while groups < KEPT && lobes.kept.len() < lobes.from.len {
             let row = lobes.row(lobes.kept.len());
             groups += row.len();
             lobes.kept.push(row);
         }
         lobes
     }
+}
 
-    /// B(l, ·).
-    fn row(&self, l: usize) -> Row {
-        let a = self.from.get(l);
-        if a.to[2] <= 0.0 {
-            return Vec::new();
+/// [`Lobes::times`].
+struct Times<'a> {
+    lobes: &'a Lobes<'a>,
+    x: &'a [Lanes],
+}
+
+impl HotLoop for Times<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<f32> {
+        let Times { lobes, x } = self;
+        let mut sums = Vec::with_capacity(lobes.from.len);
+        for row in &lobes.kept {
+            sums.push(dot(row, x));
         }
-        let lobe = |g| self.to.lobe(&a, g, self.m2).map(|(b, _)| (g as u32, b));
-        self.to.reach(a, self.m2).filter_map(lobe).collect()
+        for l in lobes.kept.len()..lobes.from.len {
+            sums.push(dot(&lobes.row(l), x));
+        }
+        sums
     }
+}
 
-    /// Σ_k B(l, k) x_k for every l.
-    fn times(&self, x: &[Lanes]) -> Vec<f32> {
-        let sum = |row: &Row| {
-            let mut sum = [0.0; LANES];
-            for (g, b) in row {
-                let x = &x[*g as usize];
-                for lane in 0..LANES {
-                    sum[lane] += b[lane] * x[lane];
-                }
-            }
-            sum.iter().sum()
-        };
-        let kept = self.kept.iter().map(sum);
-        kept.chain((self.kept.len()..self.from.len).map(|l| sum(&self.row(l)))).collect()
+/// Σ_k B(l, k) x_k.
+#[inline(always)]
+fn dot(row: &Row, x: &[Lanes]) -> f32 {
+    let mut sum = [0.0; LANES];
+    for (g, b) in row {
+        let x = &x[*g as usize];
+        for lane in 0..LANES {
+            sum[lane] += b[lane] * x[lane];
+        }
     }
+    sum.iter().sum()
 }
 
 /// Weight times scale of every direction.

@@ -63,7 +63,7 @@ impl Default for FirstPassSettings {
             kernel: Kernel::default(),
             chain: ChainLimits::default(),
             solver: Solver::default(),
-            tolerance: 1e-4,
+            tolerance: 1e-3,
             max_sweeps: 2000,
             count_visibility_calls: false,
         }

@@ -194,6 +194,7 @@ impl Blocker {
 
     /// Tests the segments from one point to many, none longer than `length`, and adds [`HIDDEN`]
     /// or [`UNSURE`] to their states. Returns how many it is the first to hide.
+    #[inline(always)]
     pub fn mark(&self, from: &Distances, to: &Profile, length: f64, states: &mut [u64]) -> u64 {
         let Bands { apart, slack, near } = self.bands;
         let [da, ea @ ..] = *from;

@@ -1,12 +1,13 @@
 //! Deciding the pairs of two voxels, tile by tile: a tile is the pairs of two patches.
 
-use super::blocker::{HIDDEN, Profile, Verdict};
+use super::blocker::{Blocker, HIDDEN, Profile, Verdict};
 use super::build::Build;
 use super::cull::misses_shaft;
 use super::graph::stride_of;
 use super::patch::Patch;
 use super::stats::GraphStats;
 use crate::geometry::Aabb;
+use crate::simd::{HotLoop, wide};
 use crate::tracers::Segment;
 use glam::DVec3;
 use std::ops::Range;
@@ -251,9 +252,8 @@ impl<'a> PairWork<'a> {
     fn mark(&mut self, c: u32, length: f64) -> u64 {
         let Some(blocker) = self.build.blockers.get(c as usize) else { return 0 };
         blocker.profile(&self.to.position, &mut self.profile);
-        let width = self.to.position.len();
-        let rows = self.from.position.iter().zip(self.states.chunks_exact_mut(width));
-        rows.map(|(&p, states)| blocker.mark(&blocker.distances(p), &self.profile, length, states)).sum()
+        let (from, to, states) = (&self.from.position[..], &self.profile, &mut self.states[..]);
+        wide(Mark { blocker, from, to, width: self.to.position.len(), length, states })
     }
 
     /// The points of pair `k` of the tile.
@@ -329,5 +329,30 @@ impl Build<'_> {
                 flank.position.push(p);
             }
         }
+    }
+}
+
+/// Tests the segments from each point of `from` to all of a tile's other points against a surface.
+struct Mark<'a> {
+    blocker: &'a Blocker,
+    from: &'a [DVec3],
+    to: &'a Profile,
+    /// How many points `to` describes.
+    width: usize,
+    length: f64,
+    /// `[from][to]`
+    states: &'a mut [u64],
+}
+
+impl HotLoop for Mark<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self) -> u64 {
+        let mut hidden = 0;
+        for (&p, states) in self.from.iter().zip(self.states.chunks_exact_mut(self.width)) {
+            hidden += self.blocker.mark(&self.blocker.distances(p), self.to, self.length, states);
+        }
+        hidden
     }
 }

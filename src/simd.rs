@@ -1,0 +1,33 @@
+//! Hot loops compiled twice: for any processor, and for those with AVX2.
+//!
+//! Only the width of the registers differs. Multiplications and additions are not fused and sums
+//! keep their order, so both give the same bits.
+
+/// A hot loop with all it needs.
+pub trait HotLoop {
+    /// What it computes.
+    type Output;
+
+    /// Does the work. Mark it, and all it calls, `#[inline(always)]`: only code that is inlined
+    /// here is compiled for the wider registers.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs `work`, compiled for AVX2 where the processor has it.
+#[inline]
+pub fn wide<K: HotLoop>(work: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: calling a function compiled for AVX2 needs a processor that has it, and this
+        // one was asked a line above. The function has no other requirement.
+        #[allow(unsafe_code)]
+        return unsafe { with_avx2(work) };
+    }
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2<K: HotLoop>(work: K) -> K::Output {
+    work.run()
+}
