@@ -46,7 +46,7 @@ pub fn prepare(
     if let Some(path) = graph_file.filter(|p| p.exists()) {
         // A graph of refined points carries its elements; plain sampling is checked by key.
         let graph = VisibilityGraph::load(path, &points)?;
-        let interpolator = Interpolator::new(geometry, &points);
+        let interpolator = Interpolator::new(geometry, &points, tracer);
         return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
     }
     let mut graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
@@ -61,7 +61,7 @@ pub fn prepare(
     if let Some(path) = graph_file {
         graph.save(path)?;
     }
-    let interpolator = Interpolator::new(geometry, &points);
+    let interpolator = Interpolator::new(geometry, &points, tracer);
     Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
 }
 

@@ -138,14 +138,15 @@ impl World {
     }
 
     fn render(&self, camera: &Camera, settings: &SecondPassSettings) -> (SpectralImage, SecondPassStats) {
-        let interpolator = Interpolator::new(&self.geometry, &self.points);
+        let tracer = BruteForce::new(&self.geometry);
+        let interpolator = Interpolator::new(&self.geometry, &self.points, &tracer);
         let scene = LitScene {
             geometry: &self.geometry,
             interpolator: &interpolator,
             appearance: &self.appearance,
             solution: &self.solution,
         };
-        render(&scene, camera, &BruteForce::new(&self.geometry), settings, &Silent).expect("renders")
+        render(&scene, camera, &tracer, settings, &Silent).expect("renders")
     }
 }
 
@@ -348,8 +349,8 @@ fn grazing_views_give_finite_numbers() {
 fn what_cannot_be_rendered_is_refused() {
     let world = World::new(room(0), vec![diffuse()], |_, _| [1.0; W]);
     let view = camera(DVec3::ZERO, DVec3::X);
-    let interpolator = Interpolator::new(&world.geometry, &world.points);
     let tracer = BruteForce::new(&world.geometry);
+    let interpolator = Interpolator::new(&world.geometry, &world.points, &tracer);
     let attempt = |solution: &DiffuseSolution, view: &Camera, settings: &SecondPassSettings| {
         let scene = LitScene {
             geometry: &world.geometry,

@@ -1,6 +1,7 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
 mod chart;
+mod cover;
 pub mod interpolate;
 mod lattice;
 mod lobe;

@@ -3,8 +3,8 @@
 use super::interpolate::DiffuseField;
 use super::lobe::{lobe_weight, reflect, refract, sample_beckmann};
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
-use super::wave::{NO_MEDIUM, Path, Wave};
-use crate::geometry::{Hit, Ray, Side};
+use super::wave::{NO_MEDIUM, Path, Wave, ray_offset};
+use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
 use glam::DVec3;
@@ -76,16 +76,8 @@ impl<'a> Scatterer<'a> {
         field: &'a DiffuseField<'a>,
         settings: &'a SecondPassSettings,
     ) -> Self {
-        // A few steps of the f32 lattice, and what a quad that is not quite flat strays from
-        // its plane.
-        let offset = geometry
-            .surfaces
-            .iter()
-            .map(|s| {
-                let warp = s.vertices().iter().map(|v| s.distance(*v).abs()).fold(0.0, f64::max);
-                4.0 * geometry.plane_tolerance() + warp
-            })
-            .collect();
+        let offset =
+            (0..geometry.surfaces.len()).map(|s| ray_offset(geometry, SurfaceId(s as u32))).collect();
         Scatterer {
             geometry,
             appearance,
