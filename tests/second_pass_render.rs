@@ -206,6 +206,28 @@ fn a_pane_takes_what_it_absorbs() {
 }
 
 #[test]
+fn light_leaves_glass_by_fresnel_up_to_the_critical_angle() {
+    // From behind one face of glass in a furnace of radiance 1: F is reflected, n2 (1 - F) comes through.
+    let n = 1.5;
+    let critical = (1.0f64 / n).asin();
+    let z = |x: f64, y: f64| DVec3::new(0.5, x, y);
+    let face = Shape::Quad([z(-2.0, -2.0), z(2.0, -2.0), z(2.0, 2.0), z(-2.0, 2.0)]);
+    let mut shapes = room(0);
+    shapes.push((face, false, 1));
+    let world =
+        World::new(shapes, vec![diffuse(), solid(n, 0.0)], |_, m| if m == 0 { [1.0; W] } else { [0.0; W] });
+    for degrees in [-30.0f64, -5.0, -0.5, -0.2, -0.1, -0.05, -0.02, 0.02, 0.5, 10.0] {
+        let angle = critical + degrees.to_radians();
+        let position = DVec3::new(-0.5, 0.0, -0.9);
+        let mut view = camera(position, position + DVec3::new(angle.cos(), 0.0, angle.sin()));
+        (view.fov_deg, view.resolution) = (1e-4, [2, 2]);
+        let f = dielectric(angle.cos(), 1.0 / n);
+        let expected = f + n * n * (1.0 - f);
+        assert_all(&world.render(&view, &EXACT).0, expected as f32, 2e-3);
+    }
+}
+
+#[test]
 fn a_clear_solid_in_a_furnace_is_invisible_and_an_absorbing_one_obeys_beer_lambert() {
     // Radiance is scaled by n2 on the way in and back on the way out: nothing remains of it.
     let view = camera(DVec3::new(-1.8, 0.3, 0.2), DVec3::ZERO);
