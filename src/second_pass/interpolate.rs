@@ -217,6 +217,18 @@ impl DiffuseField<'_> {
         }
     }
 
+    /// Feeds all that the radiance depends on, but for the geometry, to `hasher`.
+    pub(super) fn hash(&self, hasher: &mut blake3::Hasher) {
+        for (start, element) in &self.interpolator.cells {
+            hasher.update(&[start.to_le_bytes(), element.to_le_bytes()].concat());
+        }
+        for values in [&self.centres, &self.nodes] {
+            for chunk in values.chunks(1 << 12) {
+                hasher.update(&chunk.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<u8>>());
+            }
+        }
+    }
+
     fn node(&self, node: u32) -> &[f32] {
         &self.nodes[node as usize * self.w..(node as usize + 1) * self.w]
     }
