@@ -5,9 +5,7 @@ use crate::first_pass::{self, DiffuseSolution};
 use crate::observer::Observer;
 use crate::points::{self, SamplePoints, Sampling};
 use crate::scene::{Appearance, Camera, Geometry, SampledAppearance};
-use crate::second_pass::{
-    self, Checkpoint, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage,
-};
+use crate::second_pass::{self, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage};
 use crate::settings::Settings;
 use crate::tracers::RayTracer;
 use crate::visibility::VisibilityGraph;
@@ -87,8 +85,16 @@ pub fn light(
     Ok((appearance, solution))
 }
 
-/// Diffuse radiance -> image. With a checkpoint finished rows are kept on disk, and those of an
-/// interrupted run are used.
+/// What the second pass looks at.
+pub fn lit_scene<'a>(
+    geometry: &'a Geometry,
+    prepared: &'a Prepared,
+    (appearance, solution): &'a (SampledAppearance, DiffuseSolution),
+) -> LitScene<'a> {
+    LitScene { geometry, interpolator: &prepared.interpolator, appearance, solution }
+}
+
+/// Diffuse radiance -> image.
 pub fn view(
     geometry: &Geometry,
     prepared: &Prepared,
@@ -96,10 +102,7 @@ pub fn view(
     camera: &Camera,
     tracer: &dyn RayTracer,
     settings: &SecondPassSettings,
-    checkpoint: Option<&Checkpoint>,
     observer: &dyn Observer,
 ) -> Result<(SpectralImage, SecondPassStats)> {
-    let (appearance, solution) = lit;
-    let scene = LitScene { geometry, interpolator: &prepared.interpolator, appearance, solution };
-    second_pass::render_with_checkpoint(&scene, camera, tracer, settings, checkpoint, observer)
+    second_pass::render(&lit_scene(geometry, prepared, lit), camera, tracer, settings, observer)
 }

@@ -45,16 +45,8 @@ pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()
     let mut camera =
         scene.cameras.first().cloned().ok_or_else(|| Error::Settings("the scene has no camera".into()))?;
     camera.resolution = [640, 480];
-    let (_, second_pass) = pipeline::view(
-        geometry,
-        &prepared,
-        &lit,
-        &camera,
-        tracer.as_ref(),
-        &settings.second_pass,
-        None,
-        &bars,
-    )?;
+    let (_, second_pass) =
+        pipeline::view(geometry, &prepared, &lit, &camera, tracer.as_ref(), &settings.second_pass, &bars)?;
     let (appearance, solution) = &lit;
 
     let points = &prepared.points;

@@ -8,7 +8,7 @@ use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, SampledAppearance, Scene};
-use luxgraph::second_pass::{Checkpoint, Passes, SecondPassStats};
+use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{RayTracer, TracerChoice};
@@ -169,10 +169,8 @@ impl Job<'_> {
             100.0 * stats.residual,
             stats.rays_cast
         );
-        let (image, stats) = pipeline::view(
-            geometry,
-            self.prepared,
-            &lit,
+        let (image, stats) = second_pass::render_with_checkpoint(
+            &pipeline::lit_scene(geometry, self.prepared, &lit),
             self.camera,
             self.tracer,
             &settings.second_pass,
