@@ -51,7 +51,7 @@ pub fn prepare(
     let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
         let (points, graph) = file::load(path, &request, geometry, resample)?;
-        let interpolator = Interpolator::new(geometry, &points);
+        let interpolator = Interpolator::new(geometry, &points, tracer);
         return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
     }
     let mut graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
@@ -66,7 +66,7 @@ pub fn prepare(
     if let Some(path) = graph_file {
         file::save(path, &request, &points, &graph)?;
     }
-    let interpolator = Interpolator::new(geometry, &points);
+    let interpolator = Interpolator::new(geometry, &points, tracer);
     Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
 }
 
@@ -93,6 +93,15 @@ pub fn light(
     Ok((appearance, solution))
 }
 
+/// What the second pass looks at.
+pub fn lit_scene<'a>(
+    geometry: &'a Geometry,
+    prepared: &'a Prepared,
+    (appearance, solution): &'a (SampledAppearance, DiffuseSolution),
+) -> LitScene<'a> {
+    LitScene { geometry, interpolator: &prepared.interpolator, appearance, solution }
+}
+
 /// Diffuse radiance -> image.
 ///
 /// # Errors
@@ -106,7 +115,5 @@ pub fn view(
     settings: &SecondPassSettings,
     observer: &dyn Observer,
 ) -> Result<(SpectralImage, SecondPassStats)> {
-    let (appearance, solution) = lit;
-    let scene = LitScene { geometry, interpolator: &prepared.interpolator, appearance, solution };
-    second_pass::render(&scene, camera, tracer, settings, observer)
+    second_pass::render(&lit_scene(geometry, prepared, lit), camera, tracer, settings, observer)
 }

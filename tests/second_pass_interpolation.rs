@@ -7,6 +7,7 @@ use luxgraph::points::{Cell, Element, SamplePoints};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::second_pass::{DiffuseField, Interpolator};
 use luxgraph::spectrum::Wavelengths;
+use luxgraph::tracers::brute_force::BruteForce;
 
 fn wavelengths(n: usize) -> Wavelengths {
     let nm: Vec<f64> = (0..n).map(|i| 450.0 + 50.0 * i as f64).collect();
@@ -50,6 +51,10 @@ fn even(surface: u32, level: u8) -> Vec<Element> {
 
 fn points(geometry: &Geometry, elements: &[Element]) -> SamplePoints {
     SamplePoints::new(geometry, elements, 1, |_| 0)
+}
+
+fn interpolator(geometry: &Geometry, points: &SamplePoints) -> Interpolator {
+    Interpolator::new(geometry, points, &BruteForce::new(geometry))
 }
 
 fn solution(points: &SamplePoints, radiance: impl Fn(usize) -> [f32; 2]) -> DiffuseSolution {
@@ -104,7 +109,7 @@ fn linear_fields_and_constants_are_exact_even_where_refinement_is_uneven() {
                 let uv = points.cell[i].centre_uv(&shape);
                 [linear(surface.point_at(uv.x, uv.y)) as f32, 5.0]
             });
-            let interpolator = Interpolator::new(&geometry, &points);
+            let interpolator = interpolator(&geometry, &points);
             let field = interpolator.field(&solution);
             for uv in places(&shape, 97) {
                 let p = surface.point_at(uv.x, uv.y);
@@ -123,7 +128,7 @@ fn fields_are_continuous_across_hanging_nodes() {
         let points = points(&geometry, &uneven(0, &shape, 7));
         // Rough on purpose: every point its own value.
         let solution = solution(&points, |i| [(i * 2654435761 % 1000) as f32 / 1000.0, 1.0]);
-        let interpolator = Interpolator::new(&geometry, &points);
+        let interpolator = interpolator(&geometry, &points);
         let field = interpolator.field(&solution);
         let surface = &geometry.surfaces[0];
         let step = 1e-7;
@@ -154,7 +159,7 @@ fn equal_cells_are_bilinear_between_the_four_closest_points() {
     let points = points(&geometry, &even(0, 3));
     let value = |i: usize| (i * 2654435761 % 1000) as f32;
     let solution = solution(&points, |i| [value(i), 0.0]);
-    let interpolator = Interpolator::new(&geometry, &points);
+    let interpolator = interpolator(&geometry, &points);
     let field = interpolator.field(&solution);
     let of_cell = |a: usize, b: usize| {
         let centre = DVec2::new(a as f64 + 0.5, b as f64 + 0.5) / 8.0;
@@ -185,7 +190,7 @@ fn borders_are_extrapolated_but_never_negative_nor_wild() {
         let column = (points.cell[i].centre_uv(&shape).x * 8.0) as i32;
         [if column == 0 { 0.0 } else { 1.0 }, if column == 0 { 1.0 } else { 0.0 }]
     });
-    let interpolator = Interpolator::new(&geometry, &points);
+    let interpolator = interpolator(&geometry, &points);
     let field = interpolator.field(&solution);
     for uv in places(&shape, 64) {
         let l = at(&field, 0, Side::Front, geometry.surfaces[0].point_at(uv.x, uv.y));
@@ -206,7 +211,7 @@ fn sides_and_surfaces_do_not_bleed_and_missing_sides_are_black() {
         (0, Side::Back) => [2.0, 0.0],
         _ => [4.0, 0.0],
     });
-    let interpolator = Interpolator::new(&geometry, &points);
+    let interpolator = interpolator(&geometry, &points);
     let field = interpolator.field(&solution);
     for uv in places(&left, 33) {
         let (p, q) = (geometry.surfaces[0].point_at(uv.x, uv.y), geometry.surfaces[1].point_at(uv.x, uv.y));
@@ -226,7 +231,7 @@ fn two_triangles_of_one_patch_show_no_seam() {
         let geometry = geometry(&[(triangles[0], false, patches[0]), (triangles[1], false, patches[1])]);
         let points = points(&geometry, &[even(0, 2), uneven(1, &triangles[1], 5)].concat());
         let solution = solution(&points, |i| [(i * 2654435761 % 1000) as f32 / 1000.0, 1.0]);
-        let interpolator = Interpolator::new(&geometry, &points);
+        let interpolator = interpolator(&geometry, &points);
         let field = interpolator.field(&solution);
         let mut widest = 0.0f32;
         for k in 0..=100 {
@@ -245,7 +250,7 @@ fn the_coarsest_surfaces_work() {
         let geometry = geometry(&[(shape, false, 0)]);
         let points = points(&geometry, &even(0, 0));
         let solution = solution(&points, |_| [3.0, 0.0]);
-        let interpolator = Interpolator::new(&geometry, &points);
+        let interpolator = interpolator(&geometry, &points);
         let field = interpolator.field(&solution);
         for uv in places(&shape, 8) {
             let l = at(&field, 0, Side::Front, geometry.surfaces[0].point_at(uv.x, uv.y));

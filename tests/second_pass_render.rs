@@ -138,14 +138,15 @@ impl World {
     }
 
     fn render(&self, camera: &Camera, settings: &SecondPassSettings) -> (SpectralImage, SecondPassStats) {
-        let interpolator = Interpolator::new(&self.geometry, &self.points);
+        let tracer = BruteForce::new(&self.geometry);
+        let interpolator = Interpolator::new(&self.geometry, &self.points, &tracer);
         let scene = LitScene {
             geometry: &self.geometry,
             interpolator: &interpolator,
             appearance: &self.appearance,
             solution: &self.solution,
         };
-        render(&scene, camera, &BruteForce::new(&self.geometry), settings, &Silent).expect("renders")
+        render(&scene, camera, &tracer, settings, &Silent).expect("renders")
     }
 }
 
@@ -202,6 +203,28 @@ fn a_pane_takes_what_it_absorbs() {
     let mut view = camera(DVec3::new(-1.5, 0.0, 0.0), DVec3::new(2.0, 0.0, 0.0));
     view.fov_deg = 10.0;
     assert_all(&world.render(&view, &EXACT).0, 3.0, 1e-5);
+}
+
+#[test]
+fn light_leaves_glass_by_fresnel_up_to_the_critical_angle() {
+    // From behind one face of glass in a furnace of radiance 1: F is reflected, n2 (1 - F) comes through.
+    let n = 1.5;
+    let critical = (1.0f64 / n).asin();
+    let z = |x: f64, y: f64| DVec3::new(0.5, x, y);
+    let face = Shape::Quad([z(-2.0, -2.0), z(2.0, -2.0), z(2.0, 2.0), z(-2.0, 2.0)]);
+    let mut shapes = room(0);
+    shapes.push((face, false, 1));
+    let world =
+        World::new(shapes, vec![diffuse(), solid(n, 0.0)], |_, m| if m == 0 { [1.0; W] } else { [0.0; W] });
+    for degrees in [-30.0f64, -5.0, -0.5, -0.2, -0.1, -0.05, -0.02, 0.02, 0.5, 10.0] {
+        let angle = critical + degrees.to_radians();
+        let position = DVec3::new(-0.5, 0.0, -0.9);
+        let mut view = camera(position, position + DVec3::new(angle.cos(), 0.0, angle.sin()));
+        (view.fov_deg, view.resolution) = (1e-4, [2, 2]);
+        let f = dielectric(angle.cos(), 1.0 / n);
+        let expected = f + n * n * (1.0 - f);
+        assert_all(&world.render(&view, &EXACT).0, expected as f32, 2e-3);
+    }
 }
 
 #[test]
@@ -348,8 +371,8 @@ fn grazing_views_give_finite_numbers() {
 fn what_cannot_be_rendered_is_refused() {
     let world = World::new(room(0), vec![diffuse()], |_, _| [1.0; W]);
     let view = camera(DVec3::ZERO, DVec3::X);
-    let interpolator = Interpolator::new(&world.geometry, &world.points);
     let tracer = BruteForce::new(&world.geometry);
+    let interpolator = Interpolator::new(&world.geometry, &world.points, &tracer);
     let attempt = |solution: &DiffuseSolution, view: &Camera, settings: &SecondPassSettings| {
         let scene = LitScene {
             geometry: &world.geometry,

@@ -44,7 +44,8 @@ pub struct Render {
     /// Options common to render and relight.
     #[command(flatten)]
     pub options: Options,
-    /// Go on with a render of the same scene and settings that was interrupted
+    /// Go on with a render of the same scene and settings that was interrupted: its finished rows are in
+    /// OUT.exr.partial
     #[arg(long)]
     pub resume: bool,
 }

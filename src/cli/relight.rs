@@ -61,6 +61,7 @@ pub fn run(args: &Relight) -> Result<()> {
             tracer: tracer.as_ref(),
             exposure,
             spectral: options.spectral,
+            checkpoint: None,
             started,
         };
         job.run(targets, &bars)?;

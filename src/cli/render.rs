@@ -4,6 +4,7 @@ use super::args::Render;
 use super::progress::Bars;
 use super::run::{Job, Targets, announce, camera, exposure, settings};
 use luxgraph::error::Result;
+use luxgraph::second_pass::Checkpoint;
 use luxgraph::{pipeline, scene, tracers};
 use std::path::Path;
 use std::time::Instant;
@@ -40,6 +41,7 @@ pub fn run(args: &Render) -> Result<()> {
         tracer: tracer.as_ref(),
         exposure,
         spectral: options.spectral,
+        checkpoint: Some(Checkpoint::beside(&targets.exr, args.resume)),
         started,
     };
     job.run(&targets, &bars)

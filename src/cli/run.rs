@@ -8,7 +8,7 @@ use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, SampledAppearance, Scene};
-use luxgraph::second_pass::{Passes, SecondPassStats};
+use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{RayTracer, TracerChoice};
@@ -150,6 +150,8 @@ pub struct Job<'a> {
     pub exposure: Exposure,
     /// Whether the EXR carries spectral channels.
     pub spectral: bool,
+    /// Where finished rows are kept until the image is written.
+    pub checkpoint: Option<Checkpoint>,
     /// When the run began.
     pub started: Instant,
 }
@@ -167,18 +169,20 @@ impl Job<'_> {
             100.0 * stats.residual,
             stats.rays_cast
         );
-        let (image, stats) = pipeline::view(
-            geometry,
-            self.prepared,
-            &lit,
+        let (image, stats) = second_pass::render_with_checkpoint(
+            &pipeline::lit_scene(geometry, self.prepared, &lit),
             self.camera,
             self.tracer,
             &settings.second_pass,
+            self.checkpoint.as_ref(),
             observer,
         )?;
         println!("second pass: {:.2} s, {} rays", stats.second_pass_s, stats.rays());
         let layers = output::exr::ExrOptions { xyz: self.spectral, spectral: self.spectral };
         output::exr::write(&targets.exr, &image, &layers)?;
+        if let Some(checkpoint) = &self.checkpoint {
+            checkpoint.finish()?;
+        }
         let ev = output::png::write(&targets.png, &image, self.exposure)?;
         println!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
         if let Some(path) = &targets.report {

@@ -32,6 +32,11 @@ pub fn linear_srgb_to_xyz(rgb: [f64; 3]) -> [f64; 3] {
     times(&TO_XYZ, rgb)
 }
 
+/// Y of linear sRGB, in the same unit.
+pub fn linear_srgb_luminance(rgb: [f64; 3]) -> f64 {
+    linear_srgb_to_xyz(rgb)[1]
+}
+
 /// The sRGB transfer function of one linear component; not clamped, odd about 0.
 pub fn encode_srgb(linear: f64) -> f64 {
     let x = linear.abs();

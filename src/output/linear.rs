@@ -1,20 +1,10 @@
 //! Spectral images as colours.
 
+use crate::colour::{linear_srgb_luminance, xyz_to_linear_srgb};
 use crate::second_pass::SpectralImage;
 
 /// Luminous efficacy K_m, lm/W.
 const LUMENS_PER_WATT: f64 = 683.0;
-
-/// XYZ to linear RGB with the primaries of Rec. 709 and white at x = 0.3127, y = 0.3290 (D65). Derived
-/// from these chromaticities; the four digits of IEC 61966-2-1 would tint white by 2e-4.
-const XYZ_TO_RGB: [[f64; 3]; 3] = [
-    [3.240_969_941_905, -1.537_383_177_570, -0.498_610_760_293],
-    [-0.969_243_636_281, 1.875_967_501_508, 0.041_555_057_407],
-    [0.055_630_079_697, -0.203_976_958_889, 1.056_971_514_243],
-];
-
-/// Luminance of each primary: the middle row of the inverse of that matrix.
-pub(super) const LUMINANCE: [f64; 3] = [0.212_639_005_872, 0.715_168_678_768, 0.072_192_315_361];
 
 /// Linear RGB (primaries of Rec. 709, white D65), scaled so that the luminance of (1, 1, 1) is
 /// 1 cd m⁻². Colours outside the gamut have negative components.
@@ -31,7 +21,7 @@ pub struct LinearImage {
 impl LinearImage {
     /// Luminance of a pixel (row by row from the top left), cd m⁻².
     pub fn luminance(&self, pixel: usize) -> f64 {
-        (0..3).map(|c| LUMINANCE[c] * f64::from(self.rgb[3 * pixel + c])).sum()
+        linear_srgb_luminance([0, 1, 2].map(|c| f64::from(self.rgb[3 * pixel + c])))
     }
 
     /// Number of pixels.
@@ -67,11 +57,7 @@ impl SpectralImage {
     pub fn to_linear(&self) -> LinearImage {
         let mut rgb = Vec::with_capacity(3 * self.pixels());
         for pixel in 0..self.pixels() {
-            let xyz = self.xyz(pixel);
-            for row in XYZ_TO_RGB {
-                let c: f64 = row.iter().zip(xyz).map(|(m, x)| m * x).sum();
-                rgb.push(c as f32);
-            }
+            rgb.extend(xyz_to_linear_srgb(self.xyz(pixel)).map(|c| c as f32));
         }
         LinearImage { width: self.width, height: self.height, rgb }
     }

@@ -1,8 +1,8 @@
 //! PNG previews: 8 bits, sRGB.
 
 use super::LinearImage;
-use super::linear::LUMINANCE;
 use crate::atomic_file;
+use crate::colour::linear_srgb_luminance;
 use crate::error::{Error, Result};
 use crate::second_pass::SpectralImage;
 use std::path::Path;
@@ -85,7 +85,7 @@ fn into_gamut(rgb: [f64; 3]) -> [f64; 3] {
     if lowest >= 0.0 {
         return rgb;
     }
-    let grey: f64 = rgb.iter().zip(LUMINANCE).map(|(c, y)| c * y).sum();
+    let grey: f64 = linear_srgb_luminance(rgb);
     if grey <= 0.0 {
         return [0.0; 3];
     }
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn gamut_mapping_keeps_luminance() {
-        let luminance = |c: [f64; 3]| c.iter().zip(LUMINANCE).map(|(c, y)| c * y).sum::<f64>();
+        let luminance = linear_srgb_luminance;
         let colour = [-0.2, 0.9, 0.3];
         let mapped = into_gamut(colour);
         assert!(mapped.iter().all(|c| *c >= 0.0));

@@ -7,16 +7,21 @@
 //! quads beside much smaller ones, are linear over a fan of triangles around the centre. Along an
 //! edge both are linear from node to node, so the whole is continuous whatever the refinement.
 //!
+//! Covered sample points (`cover`) take the radiance of those around them, and so do not darken
+//! what is seen beside the cover.
+//!
 //! Bilinear quarters were chosen over a fan everywhere because they are the paper's rule to the
 //! letter and need no search; on a smooth gradient the eye sees no difference.
 
 use super::chart::Chart;
+use super::cover::{StandIn, covered, stand_ins};
 use super::lattice::{Lattice, sheet};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
 use crate::geometry::{Shape, Side, SurfaceId};
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
+use crate::tracers::RayTracer;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -36,6 +41,7 @@ pub struct Interpolator {
     /// Place of every border node in the plane, relative to the element's centre, m.
     border_at: Vec<[f32; 2]>,
     stencils: Stencils,
+    stand_ins: Vec<StandIn>,
 }
 
 #[derive(Clone, Copy)]
@@ -49,8 +55,9 @@ struct Element {
 }
 
 impl Interpolator {
-    /// Prepares the elements of `points`, which belong to `geometry`.
-    pub fn new(geometry: &Geometry, points: &SamplePoints) -> Self {
+    /// Prepares the elements of `points`, which belong to `geometry`; `tracer` tells which of them
+    /// are covered.
+    pub fn new(geometry: &Geometry, points: &SamplePoints, tracer: &dyn RayTracer) -> Self {
         let charts: Vec<Chart> = geometry.surfaces.iter().map(Chart::new).collect();
         let lattice = Lattice::new(geometry, points);
         let n = points.len();
@@ -86,7 +93,7 @@ impl Interpolator {
         for i in 1..sheet_starts.len() {
             sheet_starts[i] += sheet_starts[i - 1];
         }
-        Interpolator {
+        let mut interpolator = Interpolator {
             triangle: geometry.surfaces.iter().map(|s| matches!(s.shape, Shape::Triangle(_))).collect(),
             charts,
             sheet_starts,
@@ -95,7 +102,20 @@ impl Interpolator {
             stencils: Stencils::new(&lattice, &centres, &normals),
             lattice,
             border_at,
-        }
+            stand_ins: Vec::new(),
+        };
+        let covered = covered(geometry, points, tracer, |surface, side, position| {
+            let chart = &interpolator.charts[surface.index()];
+            let found = interpolator.locate(surface.index(), side, chart.uv(chart.plane(position)));
+            found.map(|element| element as u32)
+        });
+        interpolator.stand_ins = stand_ins(&interpolator.lattice, &centres, &covered);
+        interpolator
+    }
+
+    /// The covered sample points whose radiance those around them stand in for.
+    pub fn covered(&self) -> impl Iterator<Item = usize> {
+        self.stand_ins.iter().map(|s| s.element as usize)
     }
 
     /// Number of sample points.
@@ -114,15 +134,17 @@ impl Interpolator {
     /// A node's radiance never is negative, and strays from the range of the points it is made of
     /// by no more than that range: enough for any linear field, and a bound on how far a border
     /// can run away.
-    pub fn field<'a>(&'a self, solution: &'a DiffuseSolution) -> DiffuseField<'a> {
+    pub fn field(&self, solution: &DiffuseSolution) -> DiffuseField<'_> {
         let w = solution.wavelengths.len();
+        let centres = self.centres(solution, w);
+        let of = |element: u32| &centres[element as usize * w..];
         let mut nodes = vec![0.0f32; self.stencils.len() * w];
         nodes.par_chunks_mut(w.max(1)).enumerate().for_each(|(node, out)| {
             let row = self.stencils.of(node);
             for (k, out) in out.iter_mut().enumerate().take(if row.is_empty() { 0 } else { w }) {
                 let (mut sum, mut low, mut high) = (0.0, f64::INFINITY, f64::NEG_INFINITY);
                 for &(element, weight) in row {
-                    let value = f64::from(solution.of(element as usize)[k]);
+                    let value = f64::from(of(element)[k]);
                     sum += weight * value;
                     (low, high) = (low.min(value), high.max(value));
                 }
@@ -136,7 +158,19 @@ impl Interpolator {
                 nodes[node as usize * w + k] = mean;
             }
         }
-        DiffuseField { interpolator: self, solution, nodes, w }
+        DiffuseField { interpolator: self, centres, nodes, w }
+    }
+
+    /// Radiance at the centres of all elements, `[N][W]`, covered ones stood in for.
+    fn centres(&self, solution: &DiffuseSolution, w: usize) -> Vec<f32> {
+        let mut centres = solution.radiance.clone();
+        for StandIn { element, from } in &self.stand_ins {
+            for k in 0..w {
+                let of = |e: u32| f64::from(centres[e as usize * w + k]);
+                centres[*element as usize * w + k] = from.iter().map(|&(e, t)| t * of(e)).sum::<f64>() as f32;
+            }
+        }
+        centres
     }
 
     /// The element at a place of a sheet, if the sheet has any.
@@ -152,7 +186,8 @@ impl Interpolator {
 /// L^d of a solution as a function of place.
 pub struct DiffuseField<'a> {
     interpolator: &'a Interpolator,
-    solution: &'a DiffuseSolution,
+    /// `[N][W]`.
+    centres: Vec<f32>,
     /// `[nodes][W]`.
     nodes: Vec<f32>,
     w: usize,
@@ -172,13 +207,25 @@ impl DiffuseField<'_> {
         };
         let element = &of.elements[i];
         let border = of.lattice.border.of(i);
-        let centre = self.solution.of(i);
+        let centre = &self.centres[i * self.w..(i + 1) * self.w];
         if of.lattice.regular[i] {
             let local = ((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE);
             self.quarter(border, centre, local, out);
         } else {
             let places = &of.border_at[of.lattice.border.range(i)];
             self.fan(border, places, centre, place - element.centre, out);
+        }
+    }
+
+    /// Feeds all that the radiance depends on, but for the geometry, to `hasher`.
+    pub(super) fn hash(&self, hasher: &mut blake3::Hasher) {
+        for (start, element) in &self.interpolator.cells {
+            hasher.update(&[start.to_le_bytes(), element.to_le_bytes()].concat());
+        }
+        for values in [&self.centres, &self.nodes] {
+            for chunk in values.chunks(1 << 12) {
+                hasher.update(&chunk.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<u8>>());
+            }
         }
     }
 

@@ -1,5 +1,6 @@
 //! Directions of the specular lobe, and of ideal reflection and refraction.
 
+use crate::material::microfacet;
 use glam::DVec3;
 
 /// The mirror direction of `i` at a surface of normal `n`; all unit and pointing away from it.
@@ -17,29 +18,28 @@ pub fn refract(i: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     (cos2_t > 0.0).then(|| ((eta * cos_i - cos2_t.sqrt()) * n - eta * i).normalize())
 }
 
-/// A microfacet normal about `n` with density D cos α / π (section 2.2, Beckmann), for two
-/// uniform numbers in [0, 1).
+/// The normal of a facet of slope `m` about `n` (section 2.2) as `i` sees them, for three uniform
+/// numbers in [0, 1).
+///
+/// A V-shaped groove has two facets, mirrored about `n`. Of a pair drawn from the distribution one is
+/// chosen by the area that it shows to `i` (E. Heitz and E. d'Eon, *Importance Sampling Microfacet-Based
+/// BSDFs using the Distribution of Visible Normals*, 2014). The density is D G₁(i) i·h / (π n·i).
 #[inline]
-pub fn sample_beckmann(n: DVec3, m: f64, u: [f32; 2]) -> DVec3 {
-    let tan2 = -m * m * (1.0 - f64::from(u[0])).ln();
-    let cos = 1.0 / (1.0 + tan2).sqrt();
-    let sin = cos * tan2.sqrt();
-    let (sin_phi, cos_phi) = (std::f64::consts::TAU * f64::from(u[1])).sin_cos();
+pub fn sample_facet(i: DVec3, n: DVec3, m: f64, u: [f32; 3]) -> DVec3 {
+    let h = microfacet::sample_half_vector(m, f64::from(u[0]), f64::from(u[1]));
     let (x, y) = n.any_orthonormal_pair();
-    sin * (cos_phi * x + sin_phi * y) + cos * n
+    let (across, along) = (h.x * x + h.y * y, h.z * n);
+    let [one, other] = [along + across, along - across].map(|h| i.dot(h).max(0.0));
+    if f64::from(u[2]) * (one + other) < one { along + across } else { along - across }
 }
 
-/// R^s cos θ_r over the density of the sample, less F: G (i·h) / ((n·i) (n·h)) with the V-cavity
-/// G of Cook and Torrance. Zero where the direction leaves through the surface; never over 2.
+/// R^s cos θ_r over the density of the direction `r` that the facet `h` of [`sample_facet`] reflects,
+/// less F: G/G₁(i), 0 to 1. Zero where the direction leaves through the surface.
 #[inline]
 pub fn lobe_weight(i: DVec3, r: DVec3, h: DVec3, n: DVec3) -> f64 {
     let (ni, nr, nh, ih) = (n.dot(i), n.dot(r), n.dot(h), i.dot(h));
-    if nr <= 0.0 || nh <= 0.0 || ih <= 0.0 {
-        return 0.0;
-    }
-    let ni = ni.max(1e-9);
-    // G written out, so that nothing small divides something small at grazing incidence.
-    (ih / (ni * nh)).min(2.0).min(2.0 * nr / ni)
+    let seen = microfacet::masking_g(nh, ni, ni, ih);
+    if seen > 0.0 { (microfacet::masking_g(nh, ni, nr, ih) / seen).min(1.0) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -65,8 +65,8 @@ mod tests {
             let samples = 1 << 16;
             let mut sum = 0.0;
             for k in 0..samples {
-                let [a, b, ..] = sobol_burley::sample_4d(k, 0, 1);
-                let h = sample_beckmann(n, m, [a, b]);
+                let [a, b, c, _] = sobol_burley::sample_4d(k, 0, 1);
+                let h = sample_facet(i, n, m, [a, b, c]);
                 let r = reflect(i, h);
                 sum += lobe_weight(i, r, h, n);
             }

@@ -1,6 +1,8 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
 mod chart;
+mod checkpoint;
+mod cover;
 pub mod interpolate;
 mod lattice;
 mod lobe;
@@ -10,8 +12,9 @@ mod settings;
 mod stencil;
 mod wave;
 
+pub use checkpoint::Checkpoint;
 pub use interpolate::{DiffuseField, Interpolator};
-pub use render::{LitScene, render};
+pub use render::{LitScene, render, render_with_checkpoint};
 pub use settings::{Passes, SecondPassSettings, SecondPassStats};
 
 use crate::spectrum::Wavelengths;

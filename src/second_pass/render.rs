@@ -1,7 +1,8 @@
 //! The view: tiles of pixels, each the work of one task.
 
 use super::SpectralImage;
-use super::interpolate::Interpolator;
+use super::checkpoint::{Checkpoint, Writer};
+use super::interpolate::{DiffuseField, Interpolator};
 use super::scatter::{Film, Scatterer};
 use super::settings::{SecondPassSettings, SecondPassStats};
 use super::wave::{NO_MEDIUM, Path, Wave};
@@ -50,6 +51,23 @@ pub fn render(
     settings: &SecondPassSettings,
     observer: &dyn Observer,
 ) -> Result<(SpectralImage, SecondPassStats)> {
+    render_with_checkpoint(scene, camera, tracer, settings, None, observer)
+}
+
+/// [`render`] that keeps finished bands of rows in the file of `checkpoint` and uses those that an
+/// earlier run left there. The image has the same bits whether it was interrupted or not, and so
+/// have the counts. The file stays: see [`Checkpoint::finish`].
+///
+/// Errors, besides those of [`render`]: [`Error::Settings`] for a file that belongs to another image,
+/// [`Error::Io`] for one that cannot be read or written.
+pub fn render_with_checkpoint(
+    scene: &LitScene,
+    camera: &Camera,
+    tracer: &dyn RayTracer,
+    settings: &SecondPassSettings,
+    checkpoint: Option<&Checkpoint>,
+    observer: &dyn Observer,
+) -> Result<(SpectralImage, SecondPassStats)> {
     let start = Instant::now();
     settings.check()?;
     camera.check()?;
@@ -61,35 +79,63 @@ pub fn render(
     let [width, height] = camera.resolution.map(|x| x as usize);
     let job = Job { scatterer, tracer, view: camera.view(scene.geometry.centre), width, height, w };
     let columns = width.div_ceil(TILE);
-    observer.begin("second pass", (columns * height.div_ceil(TILE)) as u64);
-
+    let bands = height.div_ceil(TILE);
+    let floats = |band: u32| {
+        let first = band as usize * TILE;
+        (first < height).then(|| TILE.min(height - first) * width * w)
+    };
+    let (mut kept, writer) = match checkpoint {
+        Some(checkpoint) => {
+            let (kept, writer) = checkpoint.open(&key(scene, &field, camera, tracer, settings), floats)?;
+            (kept, Some(writer))
+        }
+        None => Default::default(),
+    };
+    observer.begin("second pass", (columns * bands) as u64);
     let mut radiance = vec![0.0f32; width * height * w];
-    let bands: Vec<Vec<SecondPassStats>> = radiance
-        .par_chunks_mut(TILE * width * w)
+    let rows: Vec<_> = radiance
+        .chunks_mut(TILE * width * w)
         .enumerate()
-        .map(|(band, rows)| {
-            let tiles: Vec<Film> = (0..columns)
-                .into_par_iter()
-                .map(|column| {
-                    let film = job.tile(column, band);
-                    observer.advance(1);
-                    film
-                })
-                .collect();
-            for (column, film) in tiles.iter().enumerate() {
-                job.copy(film, column, rows);
-            }
-            tiles.into_iter().map(|film| film.stats).collect()
-        })
+        .map(|(number, rows)| (number, rows, kept.remove(&(number as u32))))
         .collect();
+    let stats: Vec<SecondPassStats> = rows
+        .into_par_iter()
+        .map(|(number, rows, kept)| match kept {
+            Some(band) => {
+                rows.copy_from_slice(&band.radiance);
+                observer.advance(columns as u64);
+                Ok(band.stats)
+            }
+            None => job.band(number, rows, writer.as_ref(), observer),
+        })
+        .collect::<Result<_>>()?;
     observer.end();
 
-    let mut stats = SecondPassStats::default();
-    bands.iter().flatten().for_each(|tile| stats.add(tile));
-    stats.cut_share /= stats.camera_rays.max(1) as f64;
-    stats.second_pass_s = start.elapsed().as_secs_f64();
+    let mut total = SecondPassStats::default();
+    stats.iter().for_each(|band| total.add(band));
+    total.cut_share /= total.camera_rays.max(1) as f64;
+    total.second_pass_s = start.elapsed().as_secs_f64();
     let [width, height] = camera.resolution;
-    Ok((SpectralImage { width, height, wavelengths: scene.solution.wavelengths.clone(), radiance }, stats))
+    Ok((SpectralImage { width, height, wavelengths: scene.solution.wavelengths.clone(), radiance }, total))
+}
+
+/// A hash of all that the image depends on. What is small goes in as its text, which tells every field
+/// and every number apart.
+fn key(
+    scene: &LitScene,
+    field: &DiffuseField,
+    camera: &Camera,
+    tracer: &dyn RayTracer,
+    settings: &SecondPassSettings,
+) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+    hasher.update(format!("{camera:?} {settings:?} {} ", tracer.name()).as_bytes());
+    hasher.update(&scene.geometry.hash());
+    hasher.update(format!("{:?} {:?} ", scene.geometry.centre, scene.geometry.patch).as_bytes());
+    hasher.update(format!("{:?} ", scene.appearance).as_bytes());
+    field.hash(&mut hasher);
+    *hasher.finalize().as_bytes()
 }
 
 fn check_solution(scene: &LitScene) -> Result<()> {
@@ -125,6 +171,33 @@ impl Job<'_> {
     fn extent(&self, column: usize, band: usize) -> ([usize; 2], [usize; 2]) {
         let low = [column * TILE, band * TILE];
         (low, [TILE.min(self.width - low[0]), TILE.min(self.height - low[1])])
+    }
+
+    /// Renders the rows of a band and keeps them.
+    fn band(
+        &self,
+        number: usize,
+        rows: &mut [f32],
+        writer: Option<&Writer>,
+        observer: &dyn Observer,
+    ) -> Result<SecondPassStats> {
+        let tiles: Vec<Film> = (0..self.width.div_ceil(TILE))
+            .into_par_iter()
+            .map(|column| {
+                let film = self.tile(column, number);
+                observer.advance(1);
+                film
+            })
+            .collect();
+        let mut stats = SecondPassStats::default();
+        for (column, film) in tiles.iter().enumerate() {
+            self.copy(film, column, rows);
+            stats.add(&film.stats);
+        }
+        if let Some(writer) = writer {
+            writer.add(number as u32, rows, &stats)?;
+        }
+        Ok(stats)
     }
 
     /// Renders one tile.

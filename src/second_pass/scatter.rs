@@ -1,10 +1,10 @@
 //! What becomes of a path where it meets a surface.
 
 use super::interpolate::DiffuseField;
-use super::lobe::{lobe_weight, reflect, refract, sample_beckmann};
+use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
-use super::wave::{NO_MEDIUM, Path, Wave};
-use crate::geometry::{Hit, Ray, Side};
+use super::wave::{NO_MEDIUM, Path, Wave, ray_offset};
+use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
 use glam::DVec3;
@@ -65,7 +65,7 @@ struct Meeting {
     /// Index of the surface's material.
     material: u32,
     path: Path,
-    /// Uniform numbers of this event, in [0, 1): lobe (2), branch, roulette.
+    /// Uniform numbers of this event, in [0, 1): lobe (2), facet or branch, roulette.
     u: [f32; 4],
 }
 
@@ -76,16 +76,8 @@ impl<'a> Scatterer<'a> {
         field: &'a DiffuseField<'a>,
         settings: &'a SecondPassSettings,
     ) -> Self {
-        // A few steps of the f32 lattice, and what a quad that is not quite flat strays from
-        // its plane.
-        let offset = geometry
-            .surfaces
-            .iter()
-            .map(|s| {
-                let warp = s.vertices().iter().map(|v| s.distance(*v).abs()).fold(0.0, f64::max);
-                4.0 * geometry.plane_tolerance() + warp
-            })
-            .collect();
+        let offset =
+            (0..geometry.surfaces.len()).map(|s| ray_offset(geometry, SurfaceId(s as u32))).collect();
         Scatterer {
             geometry,
             appearance,
@@ -188,7 +180,7 @@ impl<'a> Scatterer<'a> {
             }
             path.glossy = true;
             let u = self.uniform(&path, seed);
-            let h = sample_beckmann(at.n, material.m, [u[0], u[1]]);
+            let h = sample_facet(at.i, at.n, material.m, [u[0], u[1], u[2]]);
             let r = reflect(at.i, h);
             let weight = lobe_weight(at.i, r, h, at.n);
             if weight > 0.0 {
@@ -220,20 +212,21 @@ impl<'a> Scatterer<'a> {
                 scale(&mut film.transmitted, throughput, 1.0);
                 Some(-at.i)
             }
-            Transmission::Solid { n: index, inside, .. } => {
+            Transmission::Solid { n: index, .. } => {
                 let entering = at.side == Side::Front;
-                let table = if entering { &material.reflect } else { inside };
-                table.eval(cos, &mut film.reflected);
                 let eta = if entering { 1.0 / index } else { *index };
                 let onward = refract(at.i, at.n, eta);
-                // Radiance over n² is what stays on the way through; beyond the critical angle
-                // all is reflected, whatever the table says between its entries.
+                // The factor is the same both ways; against the cosine outside it is smooth, where
+                // against the one inside it is vertical at the critical angle.
+                let outside = if entering { Some(at.cos) } else { onward.map(|d| -at.n.dot(d)) };
+                match outside {
+                    Some(cos) => material.reflect.eval(cos as f32, &mut film.reflected),
+                    None => film.reflected.fill(1.0),
+                }
+                // Radiance over n² is what stays on the way through.
                 let squeeze = (eta * eta) as f32;
-                for ((out, r), t) in film.transmitted.iter_mut().zip(&mut film.reflected).zip(throughput) {
-                    match onward {
-                        Some(_) => *out = t * squeeze * (1.0 - *r).max(0.0),
-                        None => *r = 1.0,
-                    }
+                for ((out, r), t) in film.transmitted.iter_mut().zip(&film.reflected).zip(throughput) {
+                    *out = t * squeeze * (1.0 - r).max(0.0);
                 }
                 beyond.medium = if entering { at.material } else { NO_MEDIUM };
                 onward

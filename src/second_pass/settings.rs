@@ -38,7 +38,7 @@ impl Default for SecondPassSettings {
         SecondPassSettings {
             passes: Passes::Both,
             samples: 16,
-            lobe_samples: 4,
+            lobe_samples: 8,
             max_depth: 16,
             tolerance: 1e-3,
             seed: 0,

@@ -1,6 +1,7 @@
 //! Paths that are traced together: all of a tile, one event after the other.
 
-use crate::geometry::Ray;
+use crate::geometry::{Ray, SurfaceId};
+use crate::scene::Geometry;
 use glam::DVec3;
 
 /// No solid around a path.
@@ -50,4 +51,12 @@ impl Wave {
         self.paths.clear();
         self.throughput.clear();
     }
+}
+
+/// How far above a surface rays must start so as not to meet it again: a few steps of the f32
+/// lattice, and what a quad that is not quite flat strays from its plane, m.
+pub fn ray_offset(geometry: &Geometry, surface: SurfaceId) -> f64 {
+    let surface = geometry.surface(surface);
+    let warp = surface.vertices().iter().map(|v| surface.distance(*v).abs()).fold(0.0, f64::max);
+    4.0 * geometry.plane_tolerance() + warp
 }
