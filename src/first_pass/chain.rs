@@ -6,6 +6,7 @@ use super::settings::ChainLimits;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
 use crate::simd::{HotLoop, wide};
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Specular points whose outgoing radiances are held at a time.
@@ -372,9 +373,8 @@ impl HotLoop for Scatter<'_> {
                 for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
                     let weight = b[lane] * u * scale[lane];
                     for ((out, l), (here, step)) in out.iter_mut().zip(source).zip(table.entry(slot[lane])) {
-                        for c in 0..BAND {
-                            out[c] += weight * (here[c] + f[lane] * step[c]) * l[c];
-                        }
+                        let fresnel = Vec4::from(*here) + f[lane] * Vec4::from(*step);
+                        *out = (Vec4::from(*out) + weight * fresnel * Vec4::from(*l)).to_array();
                     }
                 }
             }

@@ -45,17 +45,80 @@ pub struct Directions {
     pub gain: f32,
     /// Number of directions; the rest is padding.
     pub len: usize,
+    /// What holds for all directions of a group, [`LANES`] groups side by side.
     bounds: Vec<Bounds>,
 }
 
-/// What holds for all directions of a group.
+/// What holds for all directions of each of [`LANES`] groups.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
-    low: [f32; 2],
-    high: [f32; 2],
-    z: f32,
-    spread: f32,
-    blur: f32,
+    low: [Lanes; 2],
+    high: [Lanes; 2],
+    z: Lanes,
+    spread: Lanes,
+    blur: Lanes,
+}
+
+impl Bounds {
+    /// Of groups that hold nothing.
+    const NONE: Bounds = Bounds {
+        low: [[f32::MAX; LANES]; 2],
+        high: [[f32::MIN; LANES]; 2],
+        z: [0.0; LANES],
+        spread: [0.0; LANES],
+        blur: [0.0; LANES],
+    };
+
+    /// Takes in a direction of the group in `lane`.
+    fn include(&mut self, lane: usize, direction: &Direction) {
+        for axis in 0..2 {
+            self.low[axis][lane] = self.low[axis][lane].min(direction.to[axis]);
+            self.high[axis][lane] = self.high[axis][lane].max(direction.to[axis]);
+        }
+        self.z[lane] = self.z[lane].max(direction.to[2]);
+        self.spread[lane] = self.spread[lane].max(direction.spread);
+        self.blur[lane] = self.blur[lane].max(direction.blur);
+    }
+
+    /// A bit for each group that the lobe of `a` may reach.
+    #[inline(always)]
+    fn reached(&self, a: &Direction, m2: f32) -> u32 {
+        let mut reached = [0u32; LANES];
+        for (l, reached) in reached.iter_mut().enumerate() {
+            // Distance of the mirrored direction from the group's box.
+            let gap =
+                |axis: usize| (self.low[axis][l] + a.to[axis]).max(-a.to[axis] - self.high[axis][l]).max(0.0);
+            let (x, y, z) = (gap(0), gap(1), a.to[2] + self.z[l]);
+            let widest = effective(m2, a, self.spread[l], self.blur[l]);
+            *reached = u32::from(x * x + y * y <= 1.001 * CUT * widest * z * z) << l;
+        }
+        reached.iter().fold(0, |all, bit| all | bit)
+    }
+}
+
+/// The groups that a lobe may reach, ascending.
+pub struct Reach<'a> {
+    bounds: &'a [Bounds],
+    a: Direction,
+    m2: f32,
+    /// The bounds looked at, and the bits of them that are left.
+    next: usize,
+    left: u32,
+}
+
+impl Iterator for Reach<'_> {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        while self.left == 0 {
+            self.left = self.bounds.get(self.next)?.reached(&self.a, self.m2);
+            self.next += 1;
+        }
+        let lane = self.left.trailing_zeros() as usize;
+        self.left &= self.left - 1;
+        Some((self.next - 1) * LANES + lane)
+    }
 }
 
 /// Sorts anything that has a direction into strips of x and by y within a strip, so that groups of
@@ -116,16 +179,11 @@ impl Directions {
             d.blur.push(lanes(0.0, &|l| l.blur));
             d.weight.push(lanes(0.0, &|l| l.weight));
             d.scale.push(lanes(0.0, &|_| 1.0));
-            let low = |axis: usize| group.iter().map(|l| l.to[axis]).fold(f32::INFINITY, f32::min);
-            let high =
-                |of: &dyn Fn(&Direction) -> f32| group.iter().map(of).fold(f32::NEG_INFINITY, f32::max);
-            d.bounds.push(Bounds {
-                low: [low(0), low(1)],
-                high: [high(&|l| l.to[0]), high(&|l| l.to[1])],
-                z: high(&|l| l.to[2]),
-                spread: high(&|l| l.spread),
-                blur: high(&|l| l.blur),
-            });
+            let (of, lane) = ((d.x.len() - 1) / LANES, (d.x.len() - 1) % LANES);
+            if lane == 0 {
+                d.bounds.push(Bounds::NONE);
+            }
+            group.iter().for_each(|direction| d.bounds[of].include(lane, direction));
         }
         d
     }
@@ -148,14 +206,8 @@ impl Directions {
 
     /// The groups of lanes that the lobe of `a` may reach, ascending.
     #[inline(always)]
-    pub fn reach(&self, a: Direction, m2: f32) -> impl Iterator<Item = usize> {
-        let within = move |b: &Bounds| {
-            // Distance of the mirrored direction from the group's box.
-            let gap = |axis: usize| (b.low[axis] + a.to[axis]).max(-a.to[axis] - b.high[axis]).max(0.0);
-            let z = a.to[2] + b.z;
-            gap(0) * gap(0) + gap(1) * gap(1) <= 1.001 * CUT * effective(m2, &a, b.spread, b.blur) * z * z
-        };
-        self.bounds.iter().enumerate().filter(move |(_, b)| within(b)).map(|(g, _)| g)
+    pub fn reach(&self, a: Direction, m2: f32) -> Reach<'_> {
+        Reach { bounds: &self.bounds, a, m2, next: 0, left: 0 }
     }
 
     /// The lobe between `a` and the directions of group `g`: (B, cos of the angle of incidence on
@@ -186,7 +238,7 @@ impl Directions {
             let v2 = t2[l] + z2[l];
             let slope = 1.0 / (z2[l] * width[l]);
             let d_g = exp_minus(t2[l] * slope) * v2 * v2.min(4.0 * (z[l] + az) * z[l].min(az));
-            let value = d_g * slope / (z2[l] * 4.0 * PI * az * z[l]);
+            let value = d_g * slope / (4.0 * PI * az * z[l] * z2[l]);
             b[l] = if inside[l] != 0 { value } else { 0.0 };
             // Only the roughness tilts facets; the width that elements add does not.
             cosine[l] = 0.5 * (z2[l] + t2[l] * m2 * z2[l] * slope).sqrt();
