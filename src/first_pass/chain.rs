@@ -1,12 +1,12 @@
 //! The specular chains D(S...)D: what diffuse radiance becomes after one or more specular
 //! reflections or transmissions in a row (the global specular operator of section 3.3).
 
-use super::lobe::{BAND, Band, Directions, LANES, LobeTable};
+use super::lobe::{BAND, Band, LANES, LobeTable};
+use super::scatter::{Lobe, Scatter, reflect_all};
 use super::settings::ChainLimits;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
-use crate::simd::{HotLoop, wide};
-use glam::Vec4;
+use crate::simd::wide;
 use rayon::prelude::*;
 
 /// Specular points whose outgoing radiances are held at a time.
@@ -277,17 +277,16 @@ impl Bounce<'_> {
         }
         if let Some(material) = self.set.material(point) {
             let (reflect, m2) = lobe_of(point, material);
-            let from = &point.reflection;
-            let sources = (&members[..], &values[..]);
-            wide(Scatter { from, sources, to: from, m2, table: reflect, radiance: &mut radiance, bands });
+            let (lobe, sources) = (Lobe { m2, table: reflect, bands }, (&members[..], &values[..]));
+            reflect_all(&point.reflection, sources, lobe, &mut radiance);
             if let (Some(twin), Some(transmit), Some(to)) =
                 (point.twin, &material.transmit, &point.transmission)
                 && let Some(from) = &self.set.points[twin as usize].transmission
             {
                 let (members, values, _) = self.sources(twin as usize);
                 let mut through = vec![[0.0; BAND]; radiance.len()];
-                let sources = (&members[..], &values[..]);
-                wide(Scatter { from, sources, to, m2: 0.0, table: transmit, radiance: &mut through, bands });
+                let lobe = Lobe { m2: 0.0, table: transmit, bands };
+                wide(Scatter { from, sources: (&members, &values), to, lobe, radiance: &mut through });
                 // Radiance over n² is what stays the same across the boundary; inside elements
                 // already weigh n² in the normalisation.
                 let n2 = if point.inside { material.n2 } else { 1.0 };
@@ -333,52 +332,6 @@ pub fn lobe_of<'a>(point: &SpecularPoint, material: &'a SpecularMaterial) -> (&'
     match &material.reflect_inside {
         Some(inside) if point.inside => (inside, material.m2),
         _ => (&material.reflect, material.m2),
-    }
-}
-
-/// Adds Σ_l F B(l, k) u_l u_k q_l L_l to the radiance towards every k.
-struct Scatter<'a> {
-    /// Where the light comes from.
-    from: &'a Directions,
-    /// The members of `from` that send light, and their q L, `[sources][bands]`.
-    sources: (&'a [u32], &'a [Band]),
-    /// Where it goes.
-    to: &'a Directions,
-    m2: f32,
-    /// F times the specular share.
-    table: &'a LobeTable,
-    /// Towards each k, `[members][bands]`.
-    radiance: &'a mut [Band],
-    bands: usize,
-}
-
-impl HotLoop for Scatter<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Scatter { from, sources: (members, values), to, m2, table, radiance, bands } = self;
-        for (&member, source) in members.iter().zip(values.chunks(bands)) {
-            let a = from.get(member as usize);
-            let u = from.gain * from.scale_of(member as usize);
-            if a.to[2] <= 0.0 {
-                continue;
-            }
-            for g in to.reach(a, m2) {
-                let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
-                let (slot, f) = table.slots(&cosine);
-                let scale = &to.scale[g];
-                let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
-                // Lanes outside the cone have weight 0: adding that costs less than asking.
-                for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
-                    let weight = b[lane] * u * scale[lane];
-                    for ((out, l), (here, step)) in out.iter_mut().zip(source).zip(table.entry(slot[lane])) {
-                        let fresnel = Vec4::from(*here) + f[lane] * Vec4::from(*step);
-                        *out = (Vec4::from(*out) + weight * fresnel * Vec4::from(*l)).to_array();
-                    }
-                }
-            }
-        }
     }
 }
 

@@ -204,10 +204,15 @@ impl Directions {
         self.scale[i / LANES][i % LANES]
     }
 
-    /// The groups of lanes that the lobe of `a` may reach, ascending.
+    /// The groups of lanes from `first` on that the lobe of `a` may reach, ascending.
     #[inline(always)]
-    pub fn reach(&self, a: Direction, m2: f32) -> Reach<'_> {
-        Reach { bounds: &self.bounds, a, m2, next: 0, left: 0 }
+    pub fn reach(&self, a: Direction, m2: f32, first: usize) -> Reach<'_> {
+        let mut reach = Reach { bounds: &self.bounds, a, m2, next: first / LANES, left: 0 };
+        if let Some(bounds) = self.bounds.get(reach.next) {
+            reach.left = bounds.reached(&a, m2) & (u32::MAX << (first % LANES));
+            reach.next += 1;
+        }
+        reach
     }
 
     /// The lobe between `a` and the directions of group `g`: (B, cos of the angle of incidence on

@@ -13,6 +13,7 @@ pub mod near;
 mod normalise;
 mod openings;
 pub mod reference;
+mod scatter;
 mod settings;
 mod shooting;
 pub mod specular;

@@ -36,7 +36,7 @@ impl<'a> Lobes<'a> {
         let mut row = Vec::new();
         let a = self.from.get(l);
         if a.to[2] > 0.0 {
-            for g in self.to.reach(a, self.m2) {
+            for g in self.to.reach(a, self.m2, 0) {
                 if let Some((b, _)) = self.to.lobe(&a, g, self.m2) {
                     row.push((g as u32, b));
                 }

@@ -70,7 +70,7 @@ impl Cones {
             }
             let a = point.reflection.get(member);
             let mut count = 0;
-            for g in facing.reach(a, m2) {
+            for g in facing.reach(a, m2, 0) {
                 if let Some((b, _)) = facing.lobe(&a, g, m2) {
                     count += b.iter().filter(|b| **b > 0.0).count() as u32;
                 }

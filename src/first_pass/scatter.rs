@@ -1,0 +1,127 @@
+//! The innermost loops of the specular chains: radiance from many members through one lobe to many.
+
+use super::lobe::{Band, Directions, LANES, LobeTable};
+use crate::simd::{HotLoop, wide};
+use glam::Vec4;
+
+/// What one kind of scattering does.
+#[derive(Clone, Copy)]
+pub struct Lobe<'a> {
+    /// m².
+    pub m2: f32,
+    /// F (or what goes through) times the specular share.
+    pub table: &'a LobeTable,
+    /// Bands of wavelengths.
+    pub bands: usize,
+}
+
+/// Members that send light, ascending or not, and their q L, `[sources][bands]`.
+pub type Sources<'a> = (&'a [u32], &'a [Band]);
+
+/// Adds Σ_l F B(l, k) u_l u_k q_l L_l to the radiance towards every k, `[members][bands]`.
+pub struct Scatter<'a> {
+    /// Where the light comes from.
+    pub from: &'a Directions,
+    /// The light.
+    pub sources: Sources<'a>,
+    /// Where it goes.
+    pub to: &'a Directions,
+    /// How.
+    pub lobe: Lobe<'a>,
+    /// Towards each k.
+    pub radiance: &'a mut [Band],
+}
+
+impl HotLoop for Scatter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Scatter { from, sources: (members, values), to, lobe: Lobe { m2, table, bands }, radiance } =
+            self;
+        for (&member, source) in members.iter().zip(values.chunks(bands)) {
+            let a = from.get(member as usize);
+            let u = from.gain * from.scale_of(member as usize);
+            if a.to[2] <= 0.0 {
+                continue;
+            }
+            for g in to.reach(a, m2, 0) {
+                let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
+                let (slot, f) = table.slots(&cosine);
+                let scale = &to.scale[g];
+                let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
+                // Lanes outside the cone have weight 0: adding that costs less than asking.
+                for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
+                    let weight = b[lane] * u * scale[lane];
+                    for ((out, l), (here, step)) in out.iter_mut().zip(source).zip(table.entry(slot[lane])) {
+                        let fresnel = Vec4::from(*here) + f[lane] * Vec4::from(*step);
+                        *out = (Vec4::from(*out) + weight * fresnel * Vec4::from(*l)).to_array();
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// [`Scatter`] within one set of directions. The lobe is the same both ways, so when most members
+/// send light each pair is computed once for both.
+pub fn reflect_all(members: &Directions, sources: Sources, lobe: Lobe, radiance: &mut [Band]) {
+    if 2 * sources.0.len() < members.len {
+        wide(Scatter { from: members, sources, to: members, lobe, radiance });
+        return;
+    }
+    let mut light = vec![[0.0; 4]; radiance.len()];
+    for (&member, source) in sources.0.iter().zip(sources.1.chunks(lobe.bands)) {
+        light[member as usize * lobe.bands..][..lobe.bands].copy_from_slice(source);
+    }
+    wide(Exchange { members, light: &light, lobe, radiance });
+}
+
+/// Every pair of `members` exchanges light: [`Scatter`] both ways at once.
+struct Exchange<'a> {
+    members: &'a Directions,
+    /// q L of every member, 0 where it sends none, `[members][bands]`.
+    light: &'a [Band],
+    lobe: Lobe<'a>,
+    radiance: &'a mut [Band],
+}
+
+impl HotLoop for Exchange<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Exchange { members, light, lobe: Lobe { m2, table, bands }, radiance } = self;
+        let mut back = vec![Vec4::ZERO; bands];
+        for l in 0..members.len {
+            let a = members.get(l);
+            let u = members.gain * members.scale_of(l);
+            if a.to[2] <= 0.0 {
+                continue;
+            }
+            let own = l / LANES;
+            let source = &light[l * bands..(l + 1) * bands];
+            back.fill(Vec4::ZERO);
+            for g in members.reach(a, m2, own) {
+                let Some((b, cosine)) = members.lobe(&a, g, m2) else { continue };
+                let (slot, f) = table.slots(&cosine);
+                let scale = &members.scale[g];
+                let range = g * LANES * bands..(g + 1) * LANES * bands;
+                // The pairs within a group are met from both their ends.
+                let both = if g > own { 1.0 } else { 0.0 };
+                let group = radiance[range.clone()].chunks_exact_mut(bands);
+                for (lane, (out, theirs)) in group.zip(light[range].chunks_exact(bands)).enumerate() {
+                    let weight = b[lane] * u * scale[lane];
+                    for (band, (here, step)) in table.entry(slot[lane]).iter().enumerate() {
+                        let share = weight * (Vec4::from(*here) + f[lane] * Vec4::from(*step));
+                        out[band] = (Vec4::from(out[band]) + share * Vec4::from(source[band])).to_array();
+                        back[band] += both * share * Vec4::from(theirs[band]);
+                    }
+                }
+            }
+            for (out, back) in radiance[l * bands..(l + 1) * bands].iter_mut().zip(&back) {
+                *out = (Vec4::from(*out) + *back).to_array();
+            }
+        }
+    }
+}
