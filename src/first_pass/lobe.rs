@@ -357,16 +357,16 @@ impl LobeTable {
         (slot, f)
     }
 
-    /// The bands of an entry and their differences from the next.
+    /// A band of an entry, and its difference from the next entry.
     #[inline(always)]
-    pub fn entry(&self, slot: i32) -> &[(Band, Band)] {
-        &self.values[slot as usize * self.bands..][..self.bands]
+    pub fn entry(&self, slot: i32, band: usize) -> &(Band, Band) {
+        &self.values[slot as usize * self.bands + band]
     }
 
     /// The value at a cosine for wavelength `k`.
     pub fn value(&self, cosine: f32, k: usize) -> f32 {
         let (slot, f) = self.slots(&[cosine; LANES]);
-        let (here, step) = &self.entry(slot[0])[k / BAND];
+        let (here, step) = self.entry(slot[0], k / BAND);
         here[k % BAND] + f[0] * step[k % BAND]
     }
 }

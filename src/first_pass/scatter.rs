@@ -51,11 +51,14 @@ impl HotLoop for Scatter<'_> {
                 let scale = &to.scale[g];
                 let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
                 // Lanes outside the cone have weight 0: adding that costs less than asking.
-                for (lane, out) in group.chunks_exact_mut(bands).enumerate() {
-                    let weight = b[lane] * u * scale[lane];
-                    for ((out, l), (here, step)) in out.iter_mut().zip(source).zip(table.entry(slot[lane])) {
-                        let fresnel = Vec4::from(*here) + f[lane] * Vec4::from(*step);
-                        *out = (Vec4::from(*out) + weight * fresnel * Vec4::from(*l)).to_array();
+                let weight: [f32; LANES] = std::array::from_fn(|lane| b[lane] * u * scale[lane]);
+                for (band, l) in source.iter().enumerate() {
+                    let l = Vec4::from(*l);
+                    for lane in 0..LANES {
+                        let (here, step) = table.entry(slot[lane], band);
+                        let share = weight[lane] * (Vec4::from(*here) + f[lane] * Vec4::from(*step));
+                        let out = &mut group[lane * bands + band];
+                        *out = (Vec4::from(*out) + share * l).to_array();
                     }
                 }
             }
@@ -106,17 +109,22 @@ impl HotLoop for Exchange<'_> {
                 let Some((b, cosine)) = members.lobe(&a, g, m2) else { continue };
                 let (slot, f) = table.slots(&cosine);
                 let scale = &members.scale[g];
-                let range = g * LANES * bands..(g + 1) * LANES * bands;
                 // The pairs within a group are met from both their ends.
                 let both = if g > own { 1.0 } else { 0.0 };
-                let group = radiance[range.clone()].chunks_exact_mut(bands);
-                for (lane, (out, theirs)) in group.zip(light[range].chunks_exact(bands)).enumerate() {
-                    let weight = b[lane] * u * scale[lane];
-                    for (band, (here, step)) in table.entry(slot[lane]).iter().enumerate() {
-                        let share = weight * (Vec4::from(*here) + f[lane] * Vec4::from(*step));
-                        out[band] = (Vec4::from(out[band]) + share * Vec4::from(source[band])).to_array();
-                        back[band] += both * share * Vec4::from(theirs[band]);
+                let weight: [f32; LANES] = std::array::from_fn(|lane| b[lane] * u * scale[lane]);
+                let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
+                let theirs = &light[g * LANES * bands..(g + 1) * LANES * bands];
+                for (band, (back, mine)) in back.iter_mut().zip(source).enumerate() {
+                    let mine = Vec4::from(*mine);
+                    let mut sum = Vec4::ZERO;
+                    for lane in 0..LANES {
+                        let (here, step) = table.entry(slot[lane], band);
+                        let share = weight[lane] * (Vec4::from(*here) + f[lane] * Vec4::from(*step));
+                        let out = &mut group[lane * bands + band];
+                        *out = (Vec4::from(*out) + share * mine).to_array();
+                        sum += share * Vec4::from(theirs[lane * bands + band]);
                     }
+                    *back += both * sum;
                 }
             }
             for (out, back) in radiance[l * bands..(l + 1) * bands].iter_mut().zip(&back) {
