@@ -14,26 +14,26 @@ const KEPT: usize = 2 << 20;
 
 type Lanes = [f32; LANES];
 /// Group of lanes and B there, where it is not 0.
-type Row = Vec<(u32, Lanes)>;
+type Entry = (u32, Lanes);
 
 /// B between two sets of directions, by rows.
 struct Lobes<'a> {
     from: &'a Directions,
     to: &'a Directions,
     m2: f32,
-    /// The first rows.
-    kept: Vec<Row>,
+    /// The first rows, one after the other, and where each ends.
+    kept: Vec<Entry>,
+    ends: Vec<usize>,
 }
 
 impl<'a> Lobes<'a> {
     fn new(from: &'a Directions, to: &'a Directions, m2: f32) -> Self {
-        wide(Keep(Lobes { from, to, m2, kept: Vec::new() }))
+        wide(Keep(Lobes { from, to, m2, kept: Vec::new(), ends: Vec::new() }))
     }
 
-    /// B(l, ·).
+    /// Appends B(l, ·) to `row`.
     #[inline(always)]
-    fn row(&self, l: usize) -> Row {
-        let mut row = Vec::new();
+    fn append(&self, l: usize, row: &mut Vec<Entry>) {
         let a = self.from.get(l);
         if a.to[2] > 0.0 {
             for g in self.to.reach(a, self.m2, 0) {
@@ -42,7 +42,6 @@ impl<'a> Lobes<'a> {
                 }
             }
         }
-        row
     }
 
     /// Σ_k B(l, k) x_k for every l.
@@ -60,12 +59,12 @@ impl<'a> HotLoop for Keep<'a> {
     #[inline(always)]
     fn run(self) -> Lobes<'a> {
         let Keep(mut lobes) = self;
-        let mut groups = 0;
-        while groups < KEPT && lobes.kept.len() < lobes.from.len {
-            let row = lobes.row(lobes.kept.len());
-            groups += row.len();
-            lobes.kept.push(row);
+        let (mut kept, mut ends) = (Vec::new(), Vec::new());
+        while kept.len() < KEPT && ends.len() < lobes.from.len {
+            lobes.append(ends.len(), &mut kept);
+            ends.push(kept.len());
         }
+        (lobes.kept, lobes.ends) = (kept, ends);
         lobes
     }
 }
@@ -83,11 +82,16 @@ impl HotLoop for Times<'_> {
     fn run(self) -> Vec<f32> {
         let Times { lobes, x } = self;
         let mut sums = Vec::with_capacity(lobes.from.len);
-        for row in &lobes.kept {
-            sums.push(dot(row, x));
+        let mut start = 0;
+        for &end in &lobes.ends {
+            sums.push(dot(&lobes.kept[start..end], x));
+            start = end;
         }
-        for l in lobes.kept.len()..lobes.from.len {
-            sums.push(dot(&lobes.row(l), x));
+        let mut row = Vec::new();
+        for l in lobes.ends.len()..lobes.from.len {
+            row.clear();
+            lobes.append(l, &mut row);
+            sums.push(dot(&row, x));
         }
         sums
     }
@@ -95,7 +99,7 @@ impl HotLoop for Times<'_> {
 
 /// Σ_k B(l, k) x_k.
 #[inline(always)]
-fn dot(row: &Row, x: &[Lanes]) -> f32 {
+fn dot(row: &[Entry], x: &[Lanes]) -> f32 {
     let mut sum = [0.0; LANES];
     for (g, b) in row {
         let x = &x[*g as usize];

@@ -13,7 +13,7 @@ use crate::visibility::VisibilityGraph;
 use std::f64::consts::PI;
 
 /// How far one inner solve of the diffuse part goes; more would be lost on the outer one.
-const INNER: f64 = 1e-3;
+const INNER: f64 = 1e-2;
 
 /// The operators of a scene and its appearance, ready to be applied.
 pub struct System<'a> {
