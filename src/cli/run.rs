@@ -50,8 +50,8 @@ pub fn settings(options: &Options) -> Result<Settings> {
         };
     }
     if let Some(tolerance) = options.tolerance {
-        if !(1e-7..1.0).contains(&tolerance) {
-            return Err(Error::Settings(format!("--tolerance {tolerance}: give a share from 1e-7 to 1")));
+        if !(1e-6..1.0).contains(&tolerance) {
+            return Err(Error::Settings(format!("--tolerance {tolerance}: give a share from 1e-6 to 1")));
         }
         first.tolerance = tolerance;
     }
