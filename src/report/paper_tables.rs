@@ -102,7 +102,7 @@ impl fmt::Display for SideBySide<'_> {
         row("  pairs of points stored", n(p.pairs_stored), n(o.pairs_stored))?;
         row("  graph computation time", duration(p.graph_s), duration(o.graph_s))?;
         row("  rays really cast", n(p.rays_cast), n(o.rays_cast))?;
-        let share = |t: &PaperTables| format!("{:.1} %", 100.0 * t.ray_share());
+        let share = |t: &PaperTables| format!("{:.2} %", 100.0 * t.ray_share());
         row("  as a share of the unordered pairs", share(p), share(o))?;
         row("Table 2: the extended form factors", String::new(), String::new())?;
         row(
