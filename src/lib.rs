@@ -34,7 +34,7 @@
 //! | F(λ, θ) | Fresnel factor | `material::fresnel` |
 //! | D, G | Beckmann distribution, masking and shadowing | `material::microfacet` |
 //! | SI | spatial index of the voxels | [`voxels`] |
-//! | buf-int | the last blocker between two voxels | `visibility::tile` |
+//! | buf-int | the last blocker between two voxels | `visibility::pairs` |
 //! | lg, lgmax, EFFMIN | length and limits of specular chains | [`first_pass`] |
 #![deny(missing_docs)]
 #![deny(unsafe_code)]

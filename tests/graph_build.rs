@@ -73,15 +73,16 @@ fn every_pair_is_counted_once_and_few_need_a_ray() {
     let geometry = rooms::furnished_room(true);
     assert_eq!(geometry.surfaces.len(), 134);
     let direct_off = GraphSettings { direct_candidates: 0, ..GraphSettings::default() };
-    let runs = [(GraphSettings::default(), 0.06, 5, 0.001), (direct_off, 0.25, 5, 0.35)];
-    for (settings, area, side, most) in runs {
-        let points = rooms::sample(&geometry, area, side);
+    let points = rooms::sample(&geometry, 0.06, 5);
+    // By rays alone no larger a share of the pairs than the paper's.
+    for (settings, most) in [(GraphSettings::default(), 0.001), (direct_off, 0.173)] {
         let n = points.len() as u64;
         let graph = build(&geometry, &points, &settings);
         let s = &graph.stats;
         assert_eq!(s.pairs, n * (n - 1) / 2);
         let classes = [s.same_surface, s.not_facing, s.proved, s.last_blocker, s.direct, s.rays_cast];
         assert_eq!(classes.iter().sum::<u64>(), s.pairs);
+        println!("{n} points, share of rays {}", s.ray_fraction());
         assert!(s.ray_fraction() < most, "{}", s.ray_fraction());
         let voxels = graph.voxels() as u64;
         assert_eq!(s.visible_edges + s.hidden_edges + s.partial_edges, voxels * (voxels + 1) / 2);

@@ -1,25 +1,26 @@
-//! Deciding the pairs of two voxels, tile by tile: a tile is the pairs of two patches.
+//! Deciding the pairs of two voxels, tile by tile.
+//!
+//! A tile is the pairs of some points of one patch with some of another. It begins as the facing
+//! pairs of two whole patches and is cut in four, along the quadtrees of the surfaces, as long as
+//! proofs may still decide a part of it; what is left is decided pair by pair.
 
-use super::blocker::{Blocker, HIDDEN, Profile, Verdict};
-use super::build::Build;
+use super::blocker::{Profile, Verdict};
+use super::build::{Build, GraphSettings};
 use super::cull::misses_shaft;
 use super::graph::stride_of;
 use super::patch::Patch;
 use super::stats::GraphStats;
 use crate::geometry::Aabb;
-use crate::simd::{HotLoop, wide};
 use crate::tracers::Segment;
 use glam::DVec3;
 use std::ops::Range;
 
-/// Bit of a pair's state: a ray has answered it.
-const ANSWERED: u64 = 4;
+/// Where candidates are tested one by one, tiles of no more pairs are not cut further: proofs would
+/// cost more than the tests they save.
+const SMALL_FOR_TESTS: usize = 256;
 
-/// Segments are handed to the tracer in batches of about this many.
-const BATCH: usize = 4096;
-
-/// A tile with fewer pairs left than this is cast without asking for its blocker first.
-const WORTH_A_PROBE: usize = 16;
+/// Where rays are cast, tiles of no more pairs are not cut further.
+const SMALL_FOR_RAYS: usize = 16;
 
 /// What is known of two voxels when all their pairs are decided.
 #[derive(Debug)]
@@ -36,31 +37,76 @@ pub(super) struct VoxelPair {
 
 /// One side of a tile: the points of a patch that are in front of the other's plane.
 #[derive(Debug, Default)]
-struct Flank {
-    index: Vec<usize>,
-    position: Vec<DVec3>,
+pub(super) struct Flank {
+    /// Their numbers.
+    pub index: Vec<usize>,
+    /// Their places.
+    pub position: Vec<DVec3>,
+}
+
+/// A tile of the pairs of two flanks.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tile {
+    /// A range of the first flank.
+    pub rows: Range<usize>,
+    /// A range of the second.
+    pub columns: Range<usize>,
+    /// The surfaces that may block in it: a range of [`PairWork::open`].
+    pub candidates: Range<usize>,
+    /// No segment is longer, m.
+    pub length: f64,
+}
+
+impl Tile {
+    /// The number of its pairs.
+    pub fn pairs(&self) -> usize {
+        self.rows.len() * self.columns.len()
+    }
+
+    /// The tile cut in two both ways; what is one point wide stays whole.
+    fn quarters(&self) -> impl Iterator<Item = Tile> {
+        let halves = |of: &Range<usize>| {
+            let middle = of.start + of.len().div_ceil(2);
+            [of.start..middle, middle..of.end]
+        };
+        let [left, right] = halves(&self.columns);
+        halves(&self.rows)
+            .into_iter()
+            .flat_map(move |rows| [(rows.clone(), left.clone()), (rows, right.clone())])
+            .map(|(rows, columns)| Tile { rows, columns, ..self.clone() })
+            .filter(|tile| tile.pairs() > 0)
+    }
 }
 
 /// Decides the pairs of two voxels.
 pub(super) struct PairWork<'a> {
-    build: &'a Build<'a>,
+    /// What all threads share.
+    pub build: &'a Build<'a>,
     rows: Range<usize>,
     columns: Range<usize>,
-    result: VoxelPair,
-    /// Surfaces that may block between the two voxels.
-    candidates: Vec<u32>,
-    /// Surfaces that may block in the tile at hand.
-    open: Vec<u32>,
+    /// What is known so far.
+    pub result: VoxelPair,
+    /// A stack: surfaces that may block between the two voxels, of these the ones that may between
+    /// two patches, of these the ones that may in a tile, in a quarter of it, and so on.
+    pub open: Vec<u32>,
     /// The paper's buf-int.
-    last_blocker: Option<u32>,
-    from: Flank,
-    to: Flank,
-    profile: Profile,
-    /// State of each pair of the tile at hand, row by row.
-    states: Vec<u64>,
-    segments: Vec<Segment>,
-    targets: Vec<[u32; 2]>,
-    blocked: Vec<bool>,
+    pub last_blocker: Option<u32>,
+    /// Points of the patch at hand of the first voxel,
+    pub from: Flank,
+    /// and of the second.
+    pub to: Flank,
+    /// The tile that is decided pair by pair.
+    pub tile: Tile,
+    /// State of each of its pairs, row by row.
+    pub states: Vec<u64>,
+    /// Where its second points lie against a surface.
+    pub profile: Profile,
+    /// Left to the tracer,
+    pub segments: Vec<Segment>,
+    /// with the points they join,
+    pub targets: Vec<[u32; 2]>,
+    /// and its answers.
+    pub blocked: Vec<bool>,
 }
 
 impl<'a> PairWork<'a> {
@@ -74,13 +120,13 @@ impl<'a> PairWork<'a> {
             rows,
             columns,
             result,
-            candidates: Vec::new(),
             open: Vec::new(),
             last_blocker: None,
             from: Flank::default(),
             to: Flank::default(),
-            profile: Profile::default(),
+            tile: Tile::default(),
             states: Vec::new(),
+            profile: Profile::default(),
             segments: Vec::new(),
             targets: Vec::new(),
             blocked: Vec::new(),
@@ -89,20 +135,20 @@ impl<'a> PairWork<'a> {
             return work.result;
         }
         if build.settings.proofs {
-            build.tree.candidates(&build.blockers, &build.boxes[a], &build.boxes[b], &mut work.candidates);
+            build.tree.candidates(&build.blockers, &build.boxes[a], &build.boxes[b], &mut work.open);
         }
         let (first, second) = (&build.patches_of(a), &build.patches_of(b));
         for (k, from) in first.iter().enumerate() {
             for to in &second[if a == b { k } else { 0 }..] {
-                work.tile(from, to);
+                work.patches(from, to);
             }
         }
         work.cast();
         work.result
     }
 
-    /// Decides the pairs of two patches, or leaves them to the tracer.
-    fn tile(&mut self, a: &Patch, b: &Patch) {
+    /// Decides the pairs of two patches.
+    fn patches(&mut self, a: &Patch, b: &Patch) {
         let all = if a.points == b.points {
             a.points.len() * (a.points.len() - 1) / 2
         } else {
@@ -116,49 +162,68 @@ impl<'a> PairWork<'a> {
         // A patch is planar: whether its points face another patch's is a matter of its plane.
         self.build.in_front(&mut self.from, a, b);
         self.build.in_front(&mut self.to, b, a);
-        let facing = self.from.index.len() * self.to.index.len();
-        self.result.stats.not_facing += all - facing as u64;
+        let (rows, columns) = (0..self.from.index.len(), 0..self.to.index.len());
+        let facing = (rows.len() * columns.len()) as u64;
+        self.result.stats.not_facing += all - facing;
+        self.result.facing += facing;
         if facing == 0 {
             return;
         }
-        self.result.facing += facing as u64;
-        self.states.clear();
-        self.states.resize(facing, 0);
-
-        let (hull_a, hull_b) = (a.rectangle(&self.from.position), b.rectangle(&self.to.position));
-        let hull = Aabb::around(hull_a.iter().chain(&hull_b).copied());
-        let length = hull.size().length();
-        if self.build.settings.proofs {
-            if self.prove(a, b, [&hull_a, &hull_b], &hull) {
-                return;
-            }
-            if self.open.len() <= self.build.settings.direct_candidates {
-                self.test_candidates(length);
-                return;
+        let between = self.open.len();
+        let build = self.build;
+        // A surface cannot hide what is in front of it, nor block from behind what faces away.
+        let in_front = |c: u32, of: &Patch| {
+            let vertices = build.blockers[c as usize].vertices();
+            c != of.surface.0 && vertices.iter().any(|v| of.plane.height(*v) > build.bands.apart)
+        };
+        for k in 0..between {
+            let c = self.open[k];
+            if in_front(c, a) && in_front(c, b) {
+                self.open.push(c);
             }
         }
-        self.trace(a, b, length);
+        let candidates = between..self.open.len();
+        self.decide_tile(a, b, Tile { rows, columns, candidates, length: 0.0 });
+        self.open.truncate(between);
     }
 
-    /// Finds the candidates of the tile; none, or one that covers all, decides it.
-    fn prove(&mut self, a: &Patch, b: &Patch, [hull_a, hull_b]: [&[DVec3; 4]; 2], hull: &Aabb) -> bool {
-        let build = self.build;
-        let length = hull.size().length();
-        self.open.clear();
-        for &c in &self.candidates {
-            let blocker = &build.blockers[c as usize];
-            // A surface cannot hide what is in front of it, nor block from behind what faces away.
-            let in_front = |of: &Patch| {
-                c != of.surface.0
-                    && blocker.vertices().iter().any(|v| of.plane.height(*v) > build.bands.apart)
-            };
-            if !in_front(a) || !in_front(b) {
-                continue;
+    /// Decides a tile by proof, in quarters, or pair by pair.
+    fn decide_tile(&mut self, a: &Patch, b: &Patch, mut tile: Tile) {
+        let hull_a = a.rectangle(&self.from.position[tile.rows.clone()]);
+        let hull_b = b.rectangle(&self.to.position[tile.columns.clone()]);
+        let hull = Aabb::around(hull_a.iter().chain(&hull_b).copied());
+        tile.length = hull.size().length();
+        let GraphSettings { proofs, direct_candidates } = *self.build.settings;
+        let surfaces = [a.surface, b.surface];
+        if !proofs {
+            return self.trace(surfaces, tile);
+        }
+        let first = self.open.len();
+        if !self.prove(&tile, [&hull_a, &hull_b], &hull) {
+            tile.candidates = first..self.open.len();
+            let few = tile.candidates.len() <= direct_candidates;
+            if tile.pairs() > if few { SMALL_FOR_TESTS } else { SMALL_FOR_RAYS } {
+                tile.quarters().for_each(|quarter| self.decide_tile(a, b, quarter));
+            } else if few {
+                self.test_candidates(tile);
+            } else {
+                self.trace(surfaces, tile);
             }
-            match blocker.judge(hull_a, hull_b, length) {
+        }
+        self.open.truncate(first);
+    }
+
+    /// Leaves on `open` what may block in `tile`. Nothing, or one surface that covers all, decides it.
+    fn prove(&mut self, tile: &Tile, [hull_a, hull_b]: [&[DVec3; 4]; 2], hull: &Aabb) -> bool {
+        let build = self.build;
+        let first = self.open.len();
+        for k in tile.candidates.clone() {
+            let c = self.open[k];
+            let blocker = &build.blockers[c as usize];
+            match blocker.judge(hull_a, hull_b, tile.length) {
                 Verdict::Clear => {}
                 Verdict::Covers => {
-                    self.result.stats.proved += self.states.len() as u64;
+                    self.result.stats.proved += tile.pairs() as u64;
                     self.last_blocker = Some(c);
                     return true;
                 }
@@ -166,115 +231,20 @@ impl<'a> PairWork<'a> {
                 Verdict::Open => self.open.push(c),
             }
         }
-        let visible = self.open.is_empty();
+        let visible = self.open.len() == first;
         if visible {
-            self.result.stats.proved += self.states.len() as u64;
-            for k in 0..self.states.len() {
-                self.see(k);
+            self.result.stats.proved += tile.pairs() as u64;
+            for i in tile.rows.clone() {
+                for j in tile.columns.clone() {
+                    self.see_points(self.from.index[i], self.to.index[j]);
+                }
             }
         }
         visible
     }
 
-    /// Tests every candidate of the tile, the last blocker first, and casts only the rays that
-    /// pass one too close to call.
-    fn test_candidates(&mut self, length: f64) {
-        if let Some(k) = self.open.iter().position(|&c| Some(c) == self.last_blocker) {
-            self.open.swap(0, k);
-        }
-        let mut left = self.states.len() as u64;
-        for k in 0..self.open.len() {
-            let c = self.open[k];
-            let hidden = self.mark(c, length);
-            if Some(c) == self.last_blocker {
-                self.result.stats.last_blocker += hidden;
-            } else {
-                self.result.stats.direct += hidden;
-            }
-            if hidden > 0 {
-                self.last_blocker = Some(c);
-            }
-            left -= hidden;
-            if left == 0 {
-                return;
-            }
-        }
-        for k in 0..self.states.len() {
-            match self.states[k] {
-                0 => {
-                    self.result.stats.direct += 1;
-                    self.see(k);
-                }
-                state if state & HIDDEN != 0 => {}
-                _ => self.push(k),
-            }
-        }
-    }
-
-    /// The paper's way: the last blocker, then the tracer. Where many pairs are left, one ray asks
-    /// for a new last blocker first.
-    fn trace(&mut self, a: &Patch, b: &Patch, length: f64) {
-        let own = [Some(a.surface.0), Some(b.surface.0)];
-        if let Some(c) = self.last_blocker.filter(|&c| !own.contains(&Some(c))) {
-            self.result.stats.last_blocker += self.mark(c, length);
-        }
-        let left = self.states.iter().filter(|&&s| s & HIDDEN == 0).count();
-        if left >= WORTH_A_PROBE {
-            self.probe(left / 2, own, length);
-        }
-        for k in 0..self.states.len() {
-            if self.states[k] & (HIDDEN | ANSWERED) == 0 {
-                self.push(k);
-            }
-        }
-    }
-
-    /// Casts the `nth` undecided pair of the tile alone, to learn what blocks it.
-    fn probe(&mut self, nth: usize, own: [Option<u32>; 2], length: f64) {
-        let mut undecided = (0..self.states.len()).filter(|&k| self.states[k] & HIDDEN == 0);
-        let Some(k) = undecided.nth(nth) else { return };
-        self.result.stats.rays_cast += 1;
-        self.states[k] |= ANSWERED;
-        match self.build.tracer.blocker(&self.segment(k)) {
-            None => self.see(k),
-            Some(surface) => {
-                self.states[k] |= HIDDEN;
-                let found = Some(surface.0);
-                if found != self.last_blocker && !own.contains(&found) {
-                    self.last_blocker = found;
-                    self.result.stats.last_blocker += self.mark(surface.0, length);
-                }
-            }
-        }
-    }
-
-    /// Tests all pairs of the tile against surface `c`; returns how many it is the first to hide.
-    fn mark(&mut self, c: u32, length: f64) -> u64 {
-        let Some(blocker) = self.build.blockers.get(c as usize) else { return 0 };
-        blocker.profile(&self.to.position, &mut self.profile);
-        let (from, to, states) = (&self.from.position[..], &self.profile, &mut self.states[..]);
-        wide(Mark { blocker, from, to, width: self.to.position.len(), length, states })
-    }
-
-    /// The points of pair `k` of the tile.
-    fn pair(&self, k: usize) -> (usize, usize) {
-        let width = self.to.index.len();
-        (self.from.index[k / width], self.to.index[k % width])
-    }
-
-    fn segment(&self, k: usize) -> Segment {
-        let (i, j) = self.pair(k);
-        let position = &self.build.points.position;
-        Segment { from: position[i], to: position[j] }
-    }
-
-    /// Pair `k` of the tile is visible.
-    fn see(&mut self, k: usize) {
-        let (i, j) = self.pair(k);
-        self.see_points(i, j);
-    }
-
-    fn see_points(&mut self, i: usize, j: usize) {
+    /// Points `i` and `j` see each other.
+    pub fn see_points(&mut self, i: usize, j: usize) {
         self.result.seen += 1;
         let stride = stride_of(self.columns.len());
         let mut set = |i: usize, j: usize| {
@@ -285,35 +255,6 @@ impl<'a> PairWork<'a> {
         if self.rows == self.columns {
             set(j, i);
         }
-    }
-
-    /// Leaves pair `k` of the tile to the tracer.
-    fn push(&mut self, k: usize) {
-        let (i, j) = self.pair(k);
-        self.segments.push(self.segment(k));
-        self.targets.push([i as u32, j as u32]);
-        if self.segments.len() >= BATCH {
-            self.cast();
-        }
-    }
-
-    /// Casts what has been left to the tracer.
-    fn cast(&mut self) {
-        if self.segments.is_empty() {
-            return;
-        }
-        self.blocked.clear();
-        self.blocked.resize(self.segments.len(), true);
-        self.build.tracer.occluded_batch(&self.segments, &mut self.blocked);
-        self.result.stats.rays_cast += self.segments.len() as u64;
-        for k in 0..self.targets.len() {
-            if !self.blocked[k] {
-                let [i, j] = self.targets[k];
-                self.see_points(i as usize, j as usize);
-            }
-        }
-        self.segments.clear();
-        self.targets.clear();
     }
 }
 
@@ -329,30 +270,5 @@ impl Build<'_> {
                 flank.position.push(p);
             }
         }
-    }
-}
-
-/// Tests the segments from each point of `from` to all of a tile's other points against a surface.
-struct Mark<'a> {
-    blocker: &'a Blocker,
-    from: &'a [DVec3],
-    to: &'a Profile,
-    /// How many points `to` describes.
-    width: usize,
-    length: f64,
-    /// `[from][to]`
-    states: &'a mut [u64],
-}
-
-impl HotLoop for Mark<'_> {
-    type Output = u64;
-
-    #[inline(always)]
-    fn run(self) -> u64 {
-        let mut hidden = 0;
-        for (&p, states) in self.from.iter().zip(self.states.chunks_exact_mut(self.width)) {
-            hidden += self.blocker.mark(&self.blocker.distances(p), self.to, self.length, states);
-        }
-        hidden
     }
 }
