@@ -2,7 +2,7 @@
 
 use super::args::TracerArg;
 use super::progress::Bars;
-use super::run::{announce, counts, tracer_choice};
+use super::run::{counts, prepare, tracer_choice};
 use luxgraph::error::{Error, Result};
 use luxgraph::report::paper_tables::{
     PAPER, PaperTables, SideBySide, duration, group, specular_points, time_visibility_calls,
@@ -11,7 +11,7 @@ use luxgraph::report::{Machine, peak_memory_bytes, write_json};
 use luxgraph::second_pass::Passes;
 use luxgraph::settings::Settings;
 use luxgraph::visibility::{GraphSettings, GraphStats, VisibilityGraph};
-use luxgraph::{pipeline, scene, tracers};
+use luxgraph::{pipeline, scene};
 use serde::Serialize;
 use std::path::Path;
 
@@ -38,11 +38,9 @@ pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()
     settings.second_pass.passes = Passes::Both;
     settings.second_pass.samples = 16;
     settings.first_pass.count_visibility_calls = true;
-    let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let bars = Bars::new();
     let geometry = &scene.geometry;
-    let prepared = pipeline::prepare(geometry, &scene.sampling, &settings, tracer.as_ref(), None, &bars)?;
-    announce(&scene, &prepared, tracer.as_ref());
+    let (tracer, prepared) = prepare(&scene, &settings, None, &bars)?;
     let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &bars)?;
     let mut camera =
         scene.cameras.first().cloned().ok_or_else(|| Error::Settings("the scene has no camera".into()))?;

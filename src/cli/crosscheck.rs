@@ -2,6 +2,7 @@
 
 use super::args::Crosscheck;
 use super::progress::Bars;
+use super::run::note;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::write_json;
 use luxgraph::scene;
@@ -12,9 +13,7 @@ use luxgraph::tracers::{EmbreeTracer, RayTracer, VoxelTracer, crosscheck, embree
 /// Puts all tracers of this build side by side.
 pub fn run(args: &Crosscheck) -> Result<()> {
     let scene = scene::load(&args.scene)?;
-    for note in &scene.notes {
-        eprintln!("note: {note}");
-    }
+    note(&scene);
     let voxel = VoxelTracer::new(&scene.geometry);
     let embree = match embree::available() {
         Some(_) => Some(EmbreeTracer::new(&scene.geometry)?),

@@ -2,10 +2,9 @@
 
 use super::args::Relight;
 use super::progress::Bars;
-use super::run::{Job, Targets, announce, camera, exposure, settings};
+use super::run::{Job, Targets, camera, exposure, prepare, settings};
 use luxgraph::error::{Error, Result};
 use luxgraph::scene::{Scene, SceneDescription};
-use luxgraph::{pipeline, tracers};
 use std::path::Path;
 use std::time::Instant;
 
@@ -43,12 +42,8 @@ pub fn run(args: &Relight) -> Result<()> {
         .collect();
     targets.iter().try_for_each(Targets::check)?;
 
-    let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let bars = Bars::new();
-    let graph = options.graph.as_deref();
-    let prepared =
-        pipeline::prepare(&scene.geometry, &scene.sampling, &settings, tracer.as_ref(), graph, &bars)?;
-    announce(&scene, &prepared, tracer.as_ref());
+    let (tracer, prepared) = prepare(&scene, &settings, options.graph.as_deref(), &bars)?;
     for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
         println!("{}:", path.display());
         let scene = Scene { appearance, ..scene.clone() };

@@ -2,10 +2,10 @@
 
 use super::args::Render;
 use super::progress::Bars;
-use super::run::{Job, Targets, announce, camera, exposure, settings};
+use super::run::{Job, Targets, camera, exposure, prepare, settings};
 use luxgraph::error::Result;
+use luxgraph::scene;
 use luxgraph::second_pass::Checkpoint;
-use luxgraph::{pipeline, scene, tracers};
 use std::path::Path;
 use std::time::Instant;
 
@@ -24,12 +24,8 @@ pub fn run(args: &Render) -> Result<()> {
 
     let scene = scene::load_with_changes(&args.scene, &args.changes)?;
     let camera = camera(&scene, options)?;
-    let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let bars = Bars::new();
-    let graph = options.graph.as_deref();
-    let prepared =
-        pipeline::prepare(&scene.geometry, &scene.sampling, &settings, tracer.as_ref(), graph, &bars)?;
-    announce(&scene, &prepared, tracer.as_ref());
+    let (tracer, prepared) = prepare(&scene, &settings, options.graph.as_deref(), &bars)?;
     let sources =
         std::iter::once(&args.scene).chain(&args.changes).map(|p| p.display().to_string()).collect();
     let job = Job {

@@ -11,7 +11,7 @@ use luxgraph::scene::{Camera, SampledAppearance, Scene};
 use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
-use luxgraph::tracers::{RayTracer, TracerChoice};
+use luxgraph::tracers::{self, RayTracer, TracerChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -132,6 +132,45 @@ impl Targets {
     }
 }
 
+/// Passes on what the loader had to say about the scene.
+pub fn note(scene: &Scene) {
+    for note in &scene.notes {
+        eprintln!("note: {note}");
+    }
+}
+
+/// Notes, tracer, sample points and visibility graph; says in one line what came out.
+pub fn prepare<'a>(
+    scene: &'a Scene,
+    settings: &Settings,
+    graph: Option<&Path>,
+    observer: &dyn Observer,
+) -> Result<(Box<dyn RayTracer + 'a>, Prepared)> {
+    note(scene);
+    let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
+    let prepared =
+        pipeline::prepare(&scene.geometry, &scene.sampling, settings, tracer.as_ref(), graph, observer)?;
+    let stats = &prepared.graph.stats;
+    let how = if prepared.graph_loaded {
+        "read from its file".to_owned()
+    } else {
+        format!(
+            "{:.2} s with {}, {} rays for {} pairs of points",
+            stats.build_s,
+            tracer.name(),
+            stats.rays_cast,
+            stats.pairs
+        )
+    };
+    println!(
+        "scene: {} surfaces, {} points in {} voxels; graph: {how}",
+        scene.geometry.surfaces.len(),
+        prepared.points.len(),
+        prepared.points.voxels()
+    );
+    Ok((tracer, prepared))
+}
+
 /// One appearance of a prepared scene, on its way to files.
 pub struct Job<'a> {
     /// The scene with the appearance to show.
@@ -226,29 +265,4 @@ pub fn counts(scene: &Scene, prepared: &Prepared, appearance: &SampledAppearance
         voxels: points.voxels(),
         empty_voxels: (0..points.voxels()).filter(|&v| points.voxel(v).is_empty()).count(),
     }
-}
-
-/// Says in one line what was prepared.
-pub fn announce(scene: &Scene, prepared: &Prepared, tracer: &dyn RayTracer) {
-    for note in &scene.notes {
-        eprintln!("note: {note}");
-    }
-    let stats = &prepared.graph.stats;
-    let graph = if prepared.graph_loaded {
-        "read from its file".to_owned()
-    } else {
-        format!(
-            "{:.2} s with {}, {} rays for {} pairs of points",
-            stats.build_s,
-            tracer.name(),
-            stats.rays_cast,
-            stats.pairs
-        )
-    };
-    println!(
-        "scene: {} surfaces, {} points in {} voxels; graph: {graph}",
-        scene.geometry.surfaces.len(),
-        prepared.points.len(),
-        prepared.points.voxels()
-    );
 }

@@ -47,7 +47,12 @@ impl Small {
         let g = self.g[j];
         self.g[j] = c * g;
         self.g.push(-s * g);
-        self.g[j + 1].abs()
+        self.left()
+    }
+
+    /// Norm of the residual.
+    fn left(&self) -> f64 {
+        self.g.last().copied().unwrap_or_default().abs()
     }
 
     /// Coefficients of the z vectors.
@@ -80,14 +85,14 @@ fn inner(area: &[f32], a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// Solves A x = b, `[W][N]`, in the norm that weighs points by their `area`, until the residual of
-/// wavelength k is at most `goal[k]` or `limit` steps are done. `step(v)` returns (z, A z) where z is
-/// v or something nearer to A⁻¹ v.
+/// wavelength k is at most `goal[k]` or `limit` steps are done. `step(v, excess)` returns (z, A z) where z
+/// is v or something nearer to A⁻¹ v; `excess` is the largest residual yet over its goal.
 pub fn solve(
     b: &[f32],
     area: &[f32],
     goal: &[f64],
     limit: usize,
-    mut step: impl FnMut(&[f32]) -> Result<(Vec<f32>, Vec<f32>)>,
+    mut step: impl FnMut(&[f32], f64) -> Result<(Vec<f32>, Vec<f32>)>,
 ) -> Result<Outcome> {
     let (n, w) = (area.len(), goal.len());
     let mut outcome = Outcome {
@@ -114,7 +119,9 @@ pub fn solve(
         });
         let (mut basis, mut search) = (vec![v], Vec::new());
         while basis.len() <= RESTART && outcome.steps < limit && small.iter().any(|s| !s.done) {
-            let (z, mut next) = step(&basis[basis.len() - 1])?;
+            let excess = small.iter().zip(goal).filter(|(s, _)| !s.done);
+            let excess = excess.map(|(s, goal)| s.left() / goal).fold(1.0, f64::max);
+            let (z, mut next) = step(&basis[basis.len() - 1], excess)?;
             outcome.steps += 1;
             search.push(z);
             next.par_chunks_mut(n).zip(&mut small).enumerate().for_each(|(k, (next, small))| {

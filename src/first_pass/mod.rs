@@ -34,6 +34,9 @@ use crate::visibility::VisibilityGraph;
 use std::time::Instant;
 use system::System;
 
+/// Steps of the solution as progress is told.
+const STEPS: u64 = 100;
+
 /// L^d of every sample point.
 #[derive(Clone, Debug)]
 pub struct DiffuseSolution {
@@ -70,13 +73,13 @@ pub fn solve(
     settings.validate()?;
     check_inputs(geometry, points, graph, appearance)?;
     let clock = Instant::now();
+    observer.begin("first pass", STEPS);
     let system = System::new(geometry, points, graph, appearance, settings);
     let setup_s = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    observer.begin("first pass", 0);
     let solved = match settings.solver {
-        Solver::Iterative => system.solve_iteratively(settings, || observer.advance(1)),
-        Solver::Shooting => system.solve_by_shooting(settings, || observer.advance(1)),
+        Solver::Iterative => system.solve_iteratively(settings, descent(observer)),
+        Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
     };
     observer.end();
     let solved = solved?;
@@ -127,6 +130,19 @@ pub fn solve(
     let (n, w) = (points.len(), system.wavelengths());
     let by_point = (0..n * w).map(|at| radiance[at % w * n + at / w]).collect();
     Ok(DiffuseSolution { wavelengths: appearance.wavelengths.clone(), radiance: by_point, stats })
+}
+
+/// Tells `observer` how far a residual has come down, given how many times its goal it is: equal steps
+/// are equal factors, for that is how residuals fall.
+fn descent(observer: &dyn Observer) -> impl FnMut(f64) + '_ {
+    let (mut first, mut done) = (None, 0);
+    move |excess: f64| {
+        let first: f64 = *first.get_or_insert(excess.max(1.0));
+        let share = if first > 1.0 { 1.0 - excess.max(1.0).ln() / first.ln() } else { 1.0 };
+        let steps = (STEPS as f64 * share) as u64;
+        observer.advance(steps.saturating_sub(done));
+        done = done.max(steps);
+    }
 }
 
 /// Whether the parts belong together and hold nothing that is not a number.

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 
 /// Shoots until the unshot flux is below the tolerance. The chains are followed for all that was
 /// shot since the last time, whenever the diffuse part is done.
-pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl FnMut()) -> Result<Solved> {
+pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl FnMut(f64)) -> Result<Solved> {
     let (n, w) = (system.points.len(), system.wavelengths());
     let by_source = system.diffuse.near().transposed();
     let emitted = system.flux(&system.emission);
@@ -27,15 +27,17 @@ pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl F
     // Half of the tolerance for the diffuse part leaves half for the chains.
     let goal = if chains { 0.5 * settings.tolerance } else { settings.tolerance };
     loop {
-        while worst(&system.flux(&state.unshot), &emitted) > goal {
+        loop {
+            let unshot = worst(&system.flux(&state.unshot), &emitted);
+            if unshot <= goal {
+                break;
+            }
+            progress(unshot / goal);
             // The flux is summed once in so many shots: the sum costs as much as a shot.
             for _ in 0..(n / 16).max(1) {
                 if let Some(j) = state.brightest() {
                     state.shoot(j);
                     shots += 1;
-                    if shots % n.max(1) == 0 {
-                        progress();
-                    }
                 }
             }
             if !state.radiance.iter().all(|l| l.is_finite()) {

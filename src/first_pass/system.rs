@@ -105,11 +105,12 @@ impl<'a> System<'a> {
     }
 
     /// The complete iterative solution: GMRES on the whole system, with GMRES on its diffuse part as
-    /// preconditioner, since a sweep costs less than a round of specular chains.
+    /// preconditioner, since a sweep costs less than a round of specular chains. `progress` hears how many
+    /// times its goal the residual is.
     pub fn solve_iteratively(
         &self,
         settings: &FirstPassSettings,
-        mut progress: impl FnMut(),
+        mut progress: impl FnMut(f64),
     ) -> Result<Solved> {
         let (area, w) = (&self.points.area, self.wavelengths());
         let max_sweeps = settings.max_sweeps as usize;
@@ -117,18 +118,18 @@ impl<'a> System<'a> {
         let mut flows: Vec<ChainFlow> = Vec::new();
         let goals = self.goals(settings.tolerance);
         let outcome = if self.specular.points.is_empty() {
-            gmres::solve(&self.emission, area, &goals, max_sweeps, |v| {
+            gmres::solve(&self.emission, area, &goals, max_sweeps, |v, excess| {
                 sweeps += 1;
-                progress();
+                progress(excess);
                 Ok((v.to_vec(), self.diffuse_step(v)))
             })?
         } else {
-            gmres::solve(&self.emission, area, &goals, max_sweeps, |v| {
+            gmres::solve(&self.emission, area, &goals, max_sweeps, |v, excess| {
+                progress(excess);
                 let inner_goals = vec![INNER; w];
                 let left = max_sweeps.saturating_sub(sweeps);
-                let inner = gmres::solve(v, area, &inner_goals, left, |v| {
+                let inner = gmres::solve(v, area, &inner_goals, left, |v, _| {
                     sweeps += 1;
-                    progress();
                     Ok((v.to_vec(), self.diffuse_step(v)))
                 })?;
                 if sweeps >= max_sweeps {
@@ -151,8 +152,12 @@ impl<'a> System<'a> {
         Ok(Solved { radiance: outcome.x, flow, sweeps: sweeps as f64, rounds: flows.len() as u32 })
     }
 
-    /// Progressive shooting.
-    pub fn solve_by_shooting(&self, settings: &FirstPassSettings, progress: impl FnMut()) -> Result<Solved> {
+    /// Progressive shooting. `progress` hears how many times its goal the unshot flux is.
+    pub fn solve_by_shooting(
+        &self,
+        settings: &FirstPassSettings,
+        progress: impl FnMut(f64),
+    ) -> Result<Solved> {
         shooting::solve(self, settings, progress)
     }
 }

@@ -110,15 +110,8 @@ pub(super) fn stand_ins(lattice: &Lattice, centre: &[DVec3], covered: &[bool]) -
         let ring = found.len();
         left.retain(|&element| {
             let at = centre[element as usize];
-            let mut around: Vec<u32> = lattice
-                .border
-                .of(element as usize)
-                .iter()
-                .flat_map(|&node| lattice.touching.of(node as usize).iter().copied())
-                .filter(|&e| known[e as usize])
-                .collect();
-            around.sort_unstable();
-            around.dedup();
+            let mut around = lattice.around(element as usize);
+            around.retain(|&e| known[e as usize]);
             // Near elements know more than far ones.
             let trust = |e: u32| 1.0 / centre[e as usize].distance_squared(at).max(f64::MIN_POSITIVE);
             let total: f64 = around.iter().map(|&e| trust(e)).sum();

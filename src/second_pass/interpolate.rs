@@ -8,13 +8,15 @@
 //! edge both are linear from node to node, so the whole is continuous whatever the refinement.
 //!
 //! Covered sample points (`cover`) take the radiance of those around them, and so do not darken
-//! what is seen beside the cover.
+//! what is seen beside the cover. Points beyond something that stands on the surface (`feet`) do not
+//! count on this side of it.
 //!
 //! Bilinear quarters were chosen over a fan everywhere because they are the paper's rule to the
 //! letter and need no search; on a smooth gradient the eye sees no difference.
 
 use super::chart::Chart;
 use super::cover::{StandIn, covered, stand_ins};
+use super::feet::{Feet, openness};
 use super::lattice::{Lattice, sheet};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
@@ -42,7 +44,14 @@ pub struct Interpolator {
     border_at: Vec<[f32; 2]>,
     stencils: Stencils,
     stand_ins: Vec<StandIn>,
+    /// By element.
+    covered: Vec<bool>,
+    feet: Feet,
 }
+
+/// What stands in, at most, for the elements around a place that are all parted from it, as a
+/// share of the whole weight.
+const WIDER: f64 = 0.02;
 
 #[derive(Clone, Copy)]
 struct Element {
@@ -50,13 +59,13 @@ struct Element {
     low: DVec2,
     /// One over its size in u and v.
     scale: f64,
-    /// Centre in the chart's plane.
-    centre: DVec2,
+    /// Centre, local coordinates, m.
+    centre: DVec3,
 }
 
 impl Interpolator {
     /// Prepares the elements of `points`, which belong to `geometry`; `tracer` tells which of them
-    /// are covered.
+    /// are covered, and what stands between them.
     pub fn new(geometry: &Geometry, points: &SamplePoints, tracer: &dyn RayTracer) -> Self {
         let charts: Vec<Chart> = geometry.surfaces.iter().map(Chart::new).collect();
         let lattice = Lattice::new(geometry, points);
@@ -77,7 +86,7 @@ impl Interpolator {
             elements.push(Element {
                 low: cell.corners_uv(&surface.shape)[0],
                 scale: f64::from(1u32 << cell.level),
-                centre,
+                centre: position,
             });
             for &node in lattice.border.of(i) {
                 border_at.push((chart.plane(lattice.position[node as usize]) - centre).as_vec2().to_array());
@@ -93,6 +102,7 @@ impl Interpolator {
         for i in 1..sheet_starts.len() {
             sheet_starts[i] += sheet_starts[i - 1];
         }
+        let feet = Feet::new(geometry, points, tracer, &lattice, &charts, &centres);
         let mut interpolator = Interpolator {
             triangle: geometry.surfaces.iter().map(|s| matches!(s.shape, Shape::Triangle(_))).collect(),
             charts,
@@ -103,6 +113,8 @@ impl Interpolator {
             lattice,
             border_at,
             stand_ins: Vec::new(),
+            covered: Vec::new(),
+            feet,
         };
         let covered = covered(geometry, points, tracer, |surface, side, position| {
             let chart = &interpolator.charts[surface.index()];
@@ -110,6 +122,7 @@ impl Interpolator {
             found.map(|element| element as u32)
         });
         interpolator.stand_ins = stand_ins(&interpolator.lattice, &centres, &covered);
+        interpolator.covered = covered;
         interpolator
     }
 
@@ -173,6 +186,59 @@ impl Interpolator {
         centres
     }
 
+    /// Weights on elements for a place in element `i`, sum 1, if a foot parts it from some of those that
+    /// `shares` would take from: the open ways keep their share of the weight.
+    fn parted(&self, i: usize, place: DVec2, chart: &Chart, shares: &Shares) -> Option<Vec<(u32, f64)>> {
+        let feet = self.feet.of(i);
+        if feet.is_empty() {
+            return None;
+        }
+        let mut weights = vec![(i as u32, shares.centre)];
+        let mut add = |element: u32, weight: f64| match weights.iter_mut().find(|(e, _)| *e == element) {
+            Some((_, sum)) => *sum += weight,
+            None => weights.push((element, weight)),
+        };
+        for (&node, weight) in shares.nodes.iter().zip(shares.weights) {
+            let (nodes, weight) = match self.lattice.halved(node) {
+                Some(ends) => (ends, 0.5 * weight),
+                None => ([node, node], 0.5 * weight),
+            };
+            for node in nodes {
+                self.stencils.of(node as usize).iter().for_each(|&(e, w)| add(e, weight * w));
+            }
+        }
+        // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
+        let inwards = place.lerp(chart.plane(self.elements[i].centre), 1e-6);
+        // What the covered would say they have from all sides.
+        let open = |e: u32| {
+            let way = || openness(feet, inwards, chart.plane(self.elements[e as usize].centre));
+            if self.covered[e as usize] { 0.0 } else { way() }
+        };
+        let (mut positive, mut negative, mut closed) = (0.0, 0.0, 0.0);
+        for (element, weight) in &mut weights {
+            let open = open(*element);
+            closed += weight.abs() * (1.0 - open);
+            *weight *= open;
+            *(if *weight < 0.0 { &mut negative } else { &mut positive }) += weight.abs();
+        }
+        if closed <= 0.0 {
+            return None;
+        }
+        // Extrapolation needs all it stands on.
+        let closed = closed / (positive + negative + closed);
+        let kept = (1.0 - closed).min(0.9 * positive / negative.max(f64::MIN_POSITIVE));
+        weights.iter_mut().filter(|(_, w)| *w < 0.0).for_each(|(_, w)| *w *= kept);
+        let around = self.lattice.around(i);
+        let trust = |e: u32| 1.0 / self.elements[e as usize].centre.distance_squared(self.elements[i].centre);
+        let size =
+            around.iter().filter(|&&e| e != i as u32).map(|&e| trust(e)).fold(f64::MIN_POSITIVE, f64::max);
+        let wider = around.into_iter().map(|e| (e, open(e) * trust(e).min(size) / size));
+        weights.extend(wider.map(|(e, share)| (e, WIDER * closed * share)));
+        let total: f64 = weights.iter().map(|(_, w)| w).sum();
+        // Parted from all: nothing better is known.
+        (total > 1e-9).then(|| weights.into_iter().map(|(e, w)| (e, w / total)).collect())
+    }
+
     /// The element at a place of a sheet, if the sheet has any.
     fn locate(&self, surface: usize, side: Side, uv: DVec2) -> Option<usize> {
         let sheet = sheet(surface, side);
@@ -205,15 +271,26 @@ impl DiffuseField<'_> {
             out.fill(0.0);
             return;
         };
-        let element = &of.elements[i];
         let border = of.lattice.border.of(i);
-        let centre = &self.centres[i * self.w..(i + 1) * self.w];
-        if of.lattice.regular[i] {
-            let local = ((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE);
-            self.quarter(border, centre, local, out);
+        let shares = if of.lattice.regular[i] {
+            let element = &of.elements[i];
+            quarter(border, ((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE))
         } else {
             let places = &of.border_at[of.lattice.border.range(i)];
-            self.fan(border, places, centre, place - element.centre, out);
+            fan(border, places, place - chart.plane(of.elements[i].centre))
+        };
+        if let Some(weights) = of.parted(i, place, chart, &shares) {
+            for (k, out) in out.iter_mut().enumerate().take(self.w) {
+                let of = |e: u32| f64::from(self.centres[e as usize * self.w + k]);
+                *out = weights.iter().map(|&(e, w)| w * of(e)).sum::<f64>().max(0.0) as f32;
+            }
+            return;
+        }
+        let centre = &self.centres[i * self.w..];
+        let nodes = shares.nodes.map(|node| &self.nodes[node as usize * self.w..]);
+        for (k, out) in out.iter_mut().enumerate().take(self.w) {
+            let border = nodes.iter().zip(shares.weights).map(|(l, w)| w * f64::from(l[k]));
+            *out = (shares.centre * f64::from(centre[k]) + border.sum::<f64>()).max(0.0) as f32;
         }
     }
 
@@ -228,56 +305,54 @@ impl DiffuseField<'_> {
             }
         }
     }
+}
 
-    fn node(&self, node: u32) -> &[f32] {
-        &self.nodes[node as usize * self.w..(node as usize + 1) * self.w]
-    }
+/// What a place within an element takes from the centre and from three nodes of the border; sum 1.
+struct Shares {
+    centre: f64,
+    nodes: [u32; 3],
+    weights: [f64; 3],
+}
 
-    /// Bilinear in the quarter of a quad element that holds `local` (0 to 1 each way).
-    fn quarter(&self, border: &[u32], centre: &[f32], local: DVec2, out: &mut [f32]) {
-        // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
-        let (right, upper) = (local.x > 0.5, local.y > 0.5);
-        let corner = match (right, upper) {
-            (false, false) => 0,
-            (true, false) => 2,
-            (true, true) => 4,
-            (false, true) => 6,
-        };
-        let (beside_u, beside_v) = (if upper { 5 } else { 1 }, if right { 3 } else { 7 });
-        let from_centre = (2.0 * (local - 0.5)).abs().as_vec2();
-        let (s, t) = (from_centre.x, from_centre.y);
+/// Bilinear in the quarter of a quad element that holds `local` (0 to 1 each way).
+fn quarter(border: &[u32], local: DVec2) -> Shares {
+    // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
+    let (right, upper) = (local.x > 0.5, local.y > 0.5);
+    let corner = match (right, upper) {
+        (false, false) => 0,
+        (true, false) => 2,
+        (true, true) => 4,
+        (false, true) => 6,
+    };
+    let (beside_u, beside_v) = (if upper { 5 } else { 1 }, if right { 3 } else { 7 });
+    let DVec2 { x: s, y: t } = (2.0 * (local - 0.5)).abs();
+    Shares {
+        centre: (1.0 - s) * (1.0 - t),
         // `beside_u` is the middle of the edge above or below: the centre moved in v.
-        let (along_v, along_u) = (self.node(border[beside_u]), self.node(border[beside_v]));
-        let far = self.node(border[corner]);
-        for (k, out) in out.iter_mut().enumerate().take(self.w) {
-            let inner = centre[k] + s * (along_u[k] - centre[k]);
-            let outer = along_v[k] + s * (far[k] - along_v[k]);
-            *out = (inner + t * (outer - inner)).max(0.0);
-        }
+        nodes: [border[beside_v], border[beside_u], border[corner]],
+        weights: [s * (1.0 - t), (1.0 - s) * t, s * t],
     }
+}
 
-    /// Linear in the triangle centre, node, next node that holds `d` (from the centre, m).
-    fn fan(&self, border: &[u32], places: &[[f32; 2]], centre: &[f32], d: DVec2, out: &mut [f32]) {
-        let place = |i: usize| DVec2::new(f64::from(places[i][0]), f64::from(places[i][1]));
-        let n = border.len();
-        let (mut best, mut inside) = (0, f64::NEG_INFINITY);
-        for i in 0..n {
-            let depth = place(i).perp_dot(d).min(d.perp_dot(place((i + 1) % n)));
-            if depth > inside {
-                (best, inside) = (i, depth);
-            }
-        }
-        let (a, b) = (place(best), place((best + 1) % n));
-        let det = a.perp_dot(b);
-        let (s, t) = (d.perp_dot(b).max(0.0) / det, a.perp_dot(d).max(0.0) / det);
-        // A place just outside, by rounding, takes the border's value.
-        let over = (s + t).max(1.0);
-        let (s, t) = if det > 0.0 { ((s / over) as f32, (t / over) as f32) } else { (0.0, 0.0) };
-        let (a, b) = (self.node(border[best]), self.node(border[(best + 1) % n]));
-        for (k, out) in out.iter_mut().enumerate().take(self.w) {
-            *out = (centre[k] + s * (a[k] - centre[k]) + t * (b[k] - centre[k])).max(0.0);
+/// Linear in the triangle centre, node, next node that holds `d` (from the centre, m).
+fn fan(border: &[u32], places: &[[f32; 2]], d: DVec2) -> Shares {
+    let place = |i: usize| DVec2::new(f64::from(places[i][0]), f64::from(places[i][1]));
+    let n = border.len();
+    let (mut best, mut inside) = (0, f64::NEG_INFINITY);
+    for i in 0..n {
+        let depth = place(i).perp_dot(d).min(d.perp_dot(place((i + 1) % n)));
+        if depth > inside {
+            (best, inside) = (i, depth);
         }
     }
+    let (a, b) = (place(best), place((best + 1) % n));
+    let det = a.perp_dot(b);
+    let (s, t) = (d.perp_dot(b).max(0.0) / det, a.perp_dot(d).max(0.0) / det);
+    // A place just outside, by rounding, takes the border's value.
+    let over = (s + t).max(1.0);
+    let (s, t) = if det > 0.0 { (s / over, t / over) } else { (0.0, 0.0) };
+    let (a, b) = (border[best], border[(best + 1) % n]);
+    Shares { centre: 1.0 - s - t, nodes: [a, b, b], weights: [s, t, 0.0] }
 }
 
 /// The cell at the deepest level, as the path of [`crate::points::Cell`], at (u, v) of a quad.

@@ -31,7 +31,7 @@ pub(super) struct Lattice {
     /// Where each node is, local coordinates, m.
     pub position: Vec<DVec3>,
     /// Nodes that are the mean of two others, because the edge they halve is part of a larger
-    /// element's: `(node, a, b)`.
+    /// element's: `(node, a, b)`, by node.
     pub halves: Vec<(u32, u32, u32)>,
     /// Elements that touch each node, at a corner or along an edge; increasing.
     pub touching: Lists,
@@ -150,11 +150,12 @@ impl Lattice {
             regular.push(even);
         }
 
-        let halves = middles
+        let mut halves: Vec<_> = middles
             .iter()
             .filter(|(.., key)| builder.pieces.contains(key))
             .map(|&(node, a, b, _)| (node, a, b))
             .collect();
+        halves.sort_unstable();
         let mut touching: Vec<(u32, u32)> = border.iter().map(|&(element, node)| (node, element)).collect();
         touching.dedup();
         Lattice {
@@ -165,6 +166,23 @@ impl Lattice {
             regular,
             position: builder.position,
         }
+    }
+
+    /// The element and all that touch it; increasing.
+    pub fn around(&self, element: usize) -> Vec<u32> {
+        let border = self.border.of(element);
+        let mut around: Vec<u32> =
+            border.iter().flat_map(|&node| self.touching.of(node as usize).iter().copied()).collect();
+        around.sort_unstable();
+        around.dedup();
+        around
+    }
+
+    /// The two nodes that `node` is the mean of, if it is a half.
+    pub fn halved(&self, node: u32) -> Option<[u32; 2]> {
+        let at = self.halves.binary_search_by_key(&node, |(half, ..)| *half).ok()?;
+        let (_, a, b) = self.halves[at];
+        Some([a, b])
     }
 }
 

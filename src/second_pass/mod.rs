@@ -3,6 +3,7 @@
 mod chart;
 mod checkpoint;
 mod cover;
+mod feet;
 pub mod interpolate;
 mod lattice;
 mod lobe;
