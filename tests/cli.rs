@@ -141,3 +141,18 @@ fn wrong_input_is_named_with_its_place() {
     let error = fail(1, &["render", "scenes/not_there.toml"]);
     assert!(error.contains("not_there.toml"), "{error}");
 }
+
+#[test]
+fn no_output_overwrites_an_input_or_another_output() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let scene = dir.path().join("scene.toml");
+    std::fs::write(&scene, "not read").expect("written");
+    let png = dir.path().join("a.png");
+    let beside = dir.path().join(".").join("scene.toml");
+    for output in [&scene, &beside, &png] {
+        let error = fail(2, &["render", text(&scene), "-o", text(output)]);
+        assert!(error.contains(text(output)), "{error}");
+    }
+    assert!(!png.exists());
+    assert_eq!(std::fs::read_to_string(&scene).expect("still there"), "not read");
+}

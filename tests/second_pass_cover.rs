@@ -1,4 +1,4 @@
-//! Do points that something covers keep their dark to themselves, and real shadows stay?
+//! Do points that something covers or parts keep their dark to themselves, and real shadows stay?
 
 use glam::DVec3;
 use luxgraph::first_pass::DiffuseSolution;
@@ -146,4 +146,55 @@ fn shadows_that_light_can_reach_stay() {
 fn an_empty_room_has_nothing_covered() {
     let scene = Scene::new(room());
     assert_eq!(scene.interpolator.covered().count(), 0);
+}
+
+/// A sheet that stands oblique to the rows of elements, and the side of it on which a place lies.
+fn sheet() -> (Shape, impl Fn(DVec3) -> f64) {
+    let (a, b) = (DVec3::new(0.73, 1.17, 0.0), DVec3::new(2.93, 2.41, 0.0));
+    let across = DVec3::Z.cross(b - a).normalize();
+    (Shape::Quad([a, b, b + DVec3::Z, a + DVec3::Z]), move |p: DVec3| across.dot(p - a))
+}
+
+#[test]
+fn a_standing_sheet_parts_light_from_shade() {
+    let (shape, side) = sheet();
+    let scene = Scene::new([room(), vec![shape]].concat());
+    let v =
+        scene.geometry.surfaces[6].vertices().iter().map(|v| *v + scene.geometry.centre).collect::<Vec<_>>();
+    let mut places = Vec::new();
+    for i in 0..=100 {
+        let foot = v[0].lerp(v[1], 0.2 + 0.006 * f64::from(i));
+        let across = DVec3::Z.cross(v[1] - v[0]).normalize();
+        places.extend([-0.2, -0.05, -0.001, 0.001, 0.05, 0.2].map(|d| foot + d * across));
+    }
+    for (l, p) in scene.at(0, &places, |p| if side(p) > 0.0 { 1.0 } else { 0.0 }).iter().zip(&places) {
+        let expected = if side(*p) > 0.0 { 1.0 } else { 0.0 };
+        assert!((l - expected).abs() < 1e-6, "{l} at {p}");
+    }
+}
+
+#[test]
+fn light_goes_evenly_into_shade_around_the_end_of_a_sheet() {
+    let (shape, side) = sheet();
+    let scene = Scene::new([room(), vec![shape]].concat());
+    let end = scene.geometry.surfaces[6].vertices()[1] + scene.geometry.centre;
+    let along = (end - scene.geometry.surfaces[6].vertices()[0] - scene.geometry.centre).normalize();
+    // Around the end, from one side of the sheet to the other.
+    for radius in [0.1, 0.2, 0.35, 0.6] {
+        let steps = 4000;
+        let ring = |k: i32| {
+            let angle = std::f64::consts::PI * (2.0 * f64::from(k) / f64::from(steps) - 1.0) * 0.998;
+            end + radius * (angle.cos() * along + angle.sin() * DVec3::Z.cross(along))
+        };
+        let places: Vec<DVec3> = (0..=steps).map(ring).collect();
+        let found = scene.at(0, &places, |p| if side(p) > 0.0 { 1.0 } else { 0.0 });
+        let jump = found.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        // An element is 0.25 m wide, a step at most 1 mm.
+        assert!(jump < 0.01, "radius {radius}: {jump}");
+        // Closer to the end the two sides mix.
+        if radius > 0.15 {
+            let (shade, light) = (found[0], found[steps as usize]);
+            assert!(shade < 1e-3 && light > 0.999, "radius {radius}: {shade} {light}");
+        }
+    }
 }

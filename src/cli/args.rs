@@ -93,13 +93,13 @@ pub struct Options {
     /// meyer4, or how many equal bands from 380 to 780 nm [default: the preset's, meyer4 in standard]
     #[arg(long, value_name = "meyer4|N")]
     pub wavelengths: Option<String>,
-    /// Form factors: exact where an element subtends much, or the paper's plain kernel everywhere
+    /// Form factors [default: the preset's, analytic in standard]
     #[arg(long, value_enum)]
     pub kernel: Option<KernelArg>,
-    /// How the first pass is solved
+    /// How the first pass is solved [default: iterative]
     #[arg(long, value_enum)]
     pub solver: Option<SolverArg>,
-    /// Stop the solution when this share of the emitted flux is not yet absorbed
+    /// Stop the solution when this share of the emitted flux is not yet absorbed [default: 0.001]
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
     /// Longest specular chain (the paper's lgmax) [default: as long as the tolerance asks]
@@ -134,7 +134,7 @@ pub struct Crosscheck {
     /// Scene file
     pub scene: PathBuf,
     /// Segments to try, half of them adversarial
-    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,
     /// Seed of the segments
     #[arg(long, value_name = "N", default_value_t = 0)]

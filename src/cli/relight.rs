@@ -2,10 +2,10 @@
 
 use super::args::Relight;
 use super::progress::Bars;
-use super::run::{Job, Targets, camera, exposure, prepare, settings};
+use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
 use luxgraph::error::{Error, Result};
 use luxgraph::scene::{Scene, SceneDescription};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Renders one image for each change of appearance, all over one graph.
@@ -40,7 +40,8 @@ pub fn run(args: &Relight) -> Result<()> {
             report: options.report.as_ref().map(|path| numbered(path, stem, stems.len())),
         })
         .collect();
-    targets.iter().try_for_each(Targets::check)?;
+    let inputs = inputs(&args.scene, &args.changes, options);
+    targets.iter().try_for_each(|t| t.check(&inputs))?;
 
     let bars = Bars::new();
     let (tracer, prepared) = prepare(&scene, &settings, options.graph.as_deref(), &bars)?;
@@ -72,7 +73,7 @@ fn stem(path: &Path) -> String {
 }
 
 /// The report of one of several images: `report.json` becomes `report-lamp_a.json`.
-fn numbered(path: &Path, stem: &str, images: usize) -> std::path::PathBuf {
+fn numbered(path: &Path, stem: &str, images: usize) -> PathBuf {
     if images == 1 {
         return path.to_owned();
     }

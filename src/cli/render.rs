@@ -2,7 +2,7 @@
 
 use super::args::Render;
 use super::progress::Bars;
-use super::run::{Job, Targets, camera, exposure, prepare, settings};
+use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
 use luxgraph::error::Result;
 use luxgraph::scene;
 use luxgraph::second_pass::Checkpoint;
@@ -20,7 +20,7 @@ pub fn run(args: &Render) -> Result<()> {
     });
     let png = args.preview.clone().unwrap_or_else(|| exr.with_extension("png"));
     let targets = Targets { exr, png, report: options.report.clone() };
-    targets.check()?;
+    targets.check(&inputs(&args.scene, &args.changes, options))?;
 
     let scene = scene::load_with_changes(&args.scene, &args.changes)?;
     let camera = camera(&scene, options)?;

@@ -12,6 +12,8 @@ use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
+use std::fs::File;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -95,12 +97,19 @@ pub fn camera(scene: &Scene, options: &Options) -> Result<Camera> {
     .ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
         let asked = options.camera.as_deref().unwrap_or_default();
-        Error::Settings(format!("--camera {asked}: the scene has {}", names.join(", ")))
+        let names = names.join(", ");
+        Error::Settings(format!("--camera {asked}: the scene has no camera of that name, only {names}"))
     })?;
     if let Some(size) = options.size {
         camera.resolution = size;
     }
+    camera.check()?;
     Ok(camera)
+}
+
+/// Files that a run reads and must not overwrite.
+pub fn inputs<'a>(scene: &'a Path, changes: &'a [PathBuf], options: &'a Options) -> Vec<&'a Path> {
+    std::iter::once(scene).chain(changes.iter().chain(&options.graph).map(PathBuf::as_path)).collect()
 }
 
 /// Where the files of one image go.
@@ -114,9 +123,24 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// Fails now rather than after the work when a folder is missing or a name cannot serve.
-    pub fn check(&self) -> Result<()> {
-        for path in [Some(&self.exr), Some(&self.png), self.report.as_ref()].into_iter().flatten() {
+    /// Fails now rather than after the work when a folder is missing or read-only, or a name cannot serve:
+    /// it is a folder's, one of the `inputs` has it, or another target.
+    pub fn check(&self, inputs: &[&Path]) -> Result<()> {
+        let paths = [Some(&self.exr), Some(&self.png), self.report.as_ref()];
+        let paths: Vec<&Path> = paths.into_iter().flatten().map(PathBuf::as_path).collect();
+        for (i, &path) in paths.iter().enumerate() {
+            if inputs.iter().any(|input| same_file(input, path)) {
+                return Err(Error::Settings(format!(
+                    "{}: this would be overwritten, but it is read; name another output",
+                    path.display()
+                )));
+            }
+            if paths[..i].iter().any(|other| same_file(other, path)) {
+                return Err(Error::Settings(format!(
+                    "{}: two outputs would have this name; name the image OUT.exr, and other files otherwise",
+                    path.display()
+                )));
+            }
             let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             if !parent.is_dir() {
                 return Err(Error::io(
@@ -127,9 +151,21 @@ impl Targets {
             if path.is_dir() {
                 return Err(Error::io(path, "this is a folder; name a file"));
             }
+            let trial = parent.join(format!(".luxgraph-{}", std::process::id()));
+            match File::create_new(&trial).and_then(|_| std::fs::remove_file(&trial)) {
+                Err(e) if e.kind() != ErrorKind::AlreadyExists => {
+                    return Err(Error::io(path, format!("the folder cannot be written to: {e}")));
+                }
+                _ => {}
+            }
         }
         Ok(())
     }
+}
+
+/// Whether two paths name one file, which need not exist.
+fn same_file(a: &Path, b: &Path) -> bool {
+    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Passes on what the loader had to say about the scene.

@@ -51,7 +51,7 @@ pub struct Interpolator {
 
 /// What stands in, at most, for the elements around a place that are all parted from it, as a
 /// share of the whole weight.
-const WIDER: f64 = 0.02;
+const WIDER: f64 = 1e-4;
 
 #[derive(Clone, Copy)]
 struct Element {
