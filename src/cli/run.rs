@@ -8,7 +8,7 @@ use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, SampledAppearance, Scene};
-use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats};
+use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats, SpectralImage};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
@@ -260,6 +260,9 @@ impl Job<'_> {
         }
         let ev = output::png::write(&targets.png, &image, self.exposure)?;
         println!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
+        if let Some(why) = darkness(&image, &lit.1, &stats) {
+            eprintln!("note: the image is black: {why}");
+        }
         if let Some(path) = &targets.report {
             write_json(path, &self.report(&lit, stats, ev))?;
         }
@@ -288,6 +291,24 @@ impl Job<'_> {
             total_s: self.started.elapsed().as_secs_f64(),
             peak_memory_bytes: peak_memory_bytes(),
         }
+    }
+}
+
+/// Why an image shows nothing at all, if it does.
+fn darkness(
+    image: &SpectralImage,
+    solution: &DiffuseSolution,
+    stats: &SecondPassStats,
+) -> Option<&'static str> {
+    let black = |radiance: &[f32]| radiance.iter().all(|&l| l == 0.0);
+    if !black(&image.radiance) {
+        None
+    } else if black(&solution.radiance) {
+        Some("no light falls on any surface, and none emits; give a material `emission`")
+    } else if stats.missed_rays == stats.camera_rays {
+        Some("the camera sees no surface; mind its position and target")
+    } else {
+        Some("the camera sees unlit surfaces, or their backs; is it inside a wall or outside the room?")
     }
 }
 
