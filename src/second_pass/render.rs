@@ -98,7 +98,7 @@ pub fn render_with_checkpoint(
         .enumerate()
         .map(|(number, rows)| (number, rows, kept.remove(&(number as u32))))
         .collect();
-    let stats: Vec<SecondPassStats> = rows
+    let stats: Result<Vec<SecondPassStats>> = rows
         .into_par_iter()
         .map(|(number, rows, kept)| match kept {
             Some(band) => {
@@ -108,11 +108,11 @@ pub fn render_with_checkpoint(
             }
             None => job.band(number, rows, writer.as_ref(), observer),
         })
-        .collect::<Result<_>>()?;
+        .collect();
     observer.end();
 
     let mut total = SecondPassStats::default();
-    stats.iter().for_each(|band| total.add(band));
+    stats?.iter().for_each(|band| total.add(band));
     total.cut_share /= total.camera_rays.max(1) as f64;
     total.second_pass_s = start.elapsed().as_secs_f64();
     let [width, height] = camera.resolution;
