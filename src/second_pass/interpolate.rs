@@ -53,6 +53,9 @@ pub struct Interpolator {
 /// share of the whole weight.
 const WIDER: f64 = 1e-4;
 
+/// How open the way to an element beyond a foot is: next to nothing.
+const BEYOND: f64 = 1e-9;
+
 #[derive(Clone, Copy)]
 struct Element {
     /// Lowest (u, v) of a quad's cell.
@@ -144,9 +147,10 @@ impl Interpolator {
     /// Works out the radiance of all nodes for `solution`, which must have one spectrum for
     /// every sample point.
     ///
-    /// A node's radiance never is negative, and strays from the range of the points it is made of
-    /// by no more than that range: enough for any linear field, and a bound on how far a border
-    /// can run away.
+    /// A node's radiance strays from the range of the points it is made of by no more than that range, and
+    /// never falls under half of their darkest: enough for linear fields but those that vanish at a
+    /// border, and a bound on how far a border can run away. Where the edge of a shadow is near it
+    /// would else turn black.
     pub fn field(&self, solution: &DiffuseSolution) -> DiffuseField<'_> {
         let w = solution.wavelengths.len();
         let centres = self.centres(solution, w);
@@ -162,7 +166,7 @@ impl Interpolator {
                     (low, high) = (low.min(value), high.max(value));
                 }
                 let range = high - low;
-                *out = sum.max(low - range).min(high + range).max(0.0) as f32;
+                *out = sum.max(low - range).max(0.5 * low).min(high + range).max(0.0) as f32;
             }
         });
         for &(node, a, b) in &self.lattice.halves {
@@ -209,10 +213,11 @@ impl Interpolator {
         }
         // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
         let inwards = place.lerp(chart.plane(self.elements[i].centre), 1e-6);
-        // What the covered would say they have from all sides.
+        // What the covered would say they have from all sides. A place parted from all others takes what
+        // it has from beyond.
         let open = |e: u32| {
             let way = || openness(feet, inwards, chart.plane(self.elements[e as usize].centre));
-            if self.covered[e as usize] { 0.0 } else { way() }
+            if self.covered[e as usize] { 0.0 } else { way().max(BEYOND) }
         };
         let (mut positive, mut negative, mut closed) = (0.0, 0.0, 0.0);
         for (element, weight) in &mut weights {
@@ -224,9 +229,9 @@ impl Interpolator {
         if closed <= 0.0 {
             return None;
         }
-        // Extrapolation needs all it stands on.
+        // Extrapolation needs all it stands on, and soon is wild without.
         let closed = closed / (positive + negative + closed);
-        let kept = (1.0 - closed).min(0.9 * positive / negative.max(f64::MIN_POSITIVE));
+        let kept = (1.0 - 8.0 * closed).max(0.0).min(0.9 * positive / negative.max(f64::MIN_POSITIVE));
         weights.iter_mut().filter(|(_, w)| *w < 0.0).for_each(|(_, w)| *w *= kept);
         let around = self.lattice.around(i);
         let trust = |e: u32| 1.0 / self.elements[e as usize].centre.distance_squared(self.elements[i].centre);
@@ -235,8 +240,8 @@ impl Interpolator {
         let wider = around.into_iter().map(|e| (e, open(e) * trust(e).min(size) / size));
         weights.extend(wider.map(|(e, share)| (e, WIDER * closed * share)));
         let total: f64 = weights.iter().map(|(_, w)| w).sum();
-        // Parted from all: nothing better is known.
-        (total > 1e-9).then(|| weights.into_iter().map(|(e, w)| (e, w / total)).collect())
+        // All around is covered: nothing better is known.
+        (total > 0.0).then(|| weights.into_iter().map(|(e, w)| (e, w / total)).collect())
     }
 
     /// The element at a place of a sheet, if the sheet has any.
