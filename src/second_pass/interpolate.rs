@@ -190,9 +190,9 @@ impl Interpolator {
         centres
     }
 
-    /// Weights on elements for a place in element `i`, sum 1, if a foot parts it from some of those that
-    /// `shares` would take from: the open ways keep their share of the weight.
-    fn parted(&self, i: usize, place: DVec2, chart: &Chart, shares: &Shares) -> Option<Vec<(u32, f64)>> {
+    /// What a place in element `i` takes if a foot parts it from some of the elements that `shares` would
+    /// take from: the open ways keep their share of the weight.
+    fn parted(&self, i: usize, place: DVec2, chart: &Chart, shares: &Shares) -> Option<Parted> {
         let feet = self.feet.of(i);
         if feet.is_empty() {
             return None;
@@ -219,20 +219,18 @@ impl Interpolator {
             let way = || openness(feet, inwards, chart.plane(self.elements[e as usize].centre));
             if self.covered[e as usize] { 0.0 } else { way().max(BEYOND) }
         };
-        let (mut positive, mut negative, mut closed) = (0.0, 0.0, 0.0);
+        let (mut all, mut closed, mut negative) = (0.0, 0.0, 0.0);
         for (element, weight) in &mut weights {
             let open = open(*element);
+            all += weight.abs();
+            negative += weight.min(0.0).abs();
             closed += weight.abs() * (1.0 - open);
-            *weight *= open;
-            *(if *weight < 0.0 { &mut negative } else { &mut positive }) += weight.abs();
+            *weight = weight.max(0.0) * open;
         }
         if closed <= 0.0 {
             return None;
         }
-        // Extrapolation needs all it stands on, and soon is wild without.
-        let closed = closed / (positive + negative + closed);
-        let kept = (1.0 - 8.0 * closed).max(0.0).min(0.9 * positive / negative.max(f64::MIN_POSITIVE));
-        weights.iter_mut().filter(|(_, w)| *w < 0.0).for_each(|(_, w)| *w *= kept);
+        let closed = closed / all;
         let around = self.lattice.around(i);
         let trust = |e: u32| 1.0 / self.elements[e as usize].centre.distance_squared(self.elements[i].centre);
         let size =
@@ -241,7 +239,11 @@ impl Interpolator {
         weights.extend(wider.map(|(e, share)| (e, WIDER * closed * share)));
         let total: f64 = weights.iter().map(|(_, w)| w).sum();
         // All around is covered: nothing better is known.
-        (total > 0.0).then(|| weights.into_iter().map(|(e, w)| (e, w / total)).collect())
+        (total > 0.0).then(|| Parted {
+            // Extrapolation needs all it stands on; what follows leaves it out.
+            whole: (1.0 - 8.0 * closed).max(0.0) * (8.0 * negative / all).min(1.0),
+            weights: weights.into_iter().map(|(e, w)| (e, w / total)).collect(),
+        })
     }
 
     /// The element at a place of a sheet, if the sheet has any.
@@ -284,18 +286,18 @@ impl DiffuseField<'_> {
             let places = &of.border_at[of.lattice.border.range(i)];
             fan(border, places, place - chart.plane(of.elements[i].centre))
         };
-        if let Some(weights) = of.parted(i, place, chart, &shares) {
-            for (k, out) in out.iter_mut().enumerate().take(self.w) {
-                let of = |e: u32| f64::from(self.centres[e as usize * self.w + k]);
-                *out = weights.iter().map(|&(e, w)| w * of(e)).sum::<f64>().max(0.0) as f32;
-            }
-            return;
-        }
         let centre = &self.centres[i * self.w..];
         let nodes = shares.nodes.map(|node| &self.nodes[node as usize * self.w..]);
         for (k, out) in out.iter_mut().enumerate().take(self.w) {
             let border = nodes.iter().zip(shares.weights).map(|(l, w)| w * f64::from(l[k]));
             *out = (shares.centre * f64::from(centre[k]) + border.sum::<f64>()).max(0.0) as f32;
+        }
+        if let Some(Parted { whole, weights }) = of.parted(i, place, chart, &shares) {
+            for (k, out) in out.iter_mut().enumerate().take(self.w) {
+                let of = |e: u32| f64::from(self.centres[e as usize * self.w + k]);
+                let part: f64 = weights.iter().map(|&(e, w)| w * of(e)).sum();
+                *out = (whole * f64::from(*out) + (1.0 - whole) * part) as f32;
+            }
         }
     }
 
@@ -317,6 +319,15 @@ struct Shares {
     centre: f64,
     nodes: [u32; 3],
     weights: [f64; 3],
+}
+
+/// What a place parted from some elements by feet takes from others.
+struct Parted {
+    /// How much of the radiance as if nothing were parted stays: 0 but where that is extrapolated, and next
+    /// to nothing is parted.
+    whole: f64,
+    /// The rest by (element, weight), sum 1.
+    weights: Vec<(u32, f64)>,
 }
 
 /// Bilinear in the quarter of a quad element that holds `local` (0 to 1 each way).
