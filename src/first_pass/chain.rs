@@ -1,7 +1,9 @@
 //! The specular chains D(S...)D: what diffuse radiance becomes after one or more specular
 //! reflections or transmissions in a row (the global specular operator of section 3.3).
 
-use super::lobe::{BAND, Band, LANES, LobeTable};
+use super::directions::LANES;
+use super::flow::ChainFlow;
+use super::lobe_table::{BAND, Band, LobeTable};
 use super::scatter::{Lobe, Scatter, reflect_all};
 use super::settings::ChainLimits;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
@@ -13,26 +15,6 @@ use rayon::prelude::*;
 const BLOCK: usize = 64;
 /// More reflections than this are never followed: perfect mirrors in a closed box never end.
 const LONGEST: u32 = 2000;
-
-/// What the chains bring and where their flux goes. All but the bounce count is linear in the
-/// radiance put in; fluxes are W nm⁻¹, `[W]`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ChainFlow {
-    /// Irradiance that reaches every point, W m⁻² nm⁻¹: `[W][N]`.
-    pub irradiance: Vec<f32>,
-    /// Flux that fell on specular points and entered their specular part, all bounces.
-    pub entered: Vec<f64>,
-    /// Flux that left them specularly.
-    pub left: Vec<f64>,
-    /// Flux that left through openings of the scene.
-    pub escaped: Vec<f64>,
-    /// Flux absorbed inside solids on the way.
-    pub medium: Vec<f64>,
-    /// Flux still in the chains when they were cut off.
-    pub cut_off: Vec<f64>,
-    /// Reflections in a row.
-    pub bounces: u32,
-}
 
 /// Radiance on its way from specular point to specular point: per point and link, `[bands]`.
 type State = Vec<Vec<Band>>;
@@ -276,8 +258,8 @@ impl Bounce<'_> {
             }
         }
         if let Some(material) = self.set.material(point) {
-            let (reflect, m2) = lobe_of(point, material);
-            let (lobe, sources) = (Lobe { m2, table: reflect, bands }, (&members[..], &values[..]));
+            let table = reflectance(point, material);
+            let (lobe, sources) = (Lobe { table, bands }, (&members[..], &values[..]));
             reflect_all(&point.reflection, sources, lobe, &mut radiance);
             if let (Some(twin), Some(transmit), Some(to)) =
                 (point.twin, &material.transmit, &point.transmission)
@@ -285,7 +267,7 @@ impl Bounce<'_> {
             {
                 let (members, values, _) = self.sources(twin as usize);
                 let mut through = vec![[0.0; BAND]; radiance.len()];
-                let lobe = Lobe { m2: 0.0, table: transmit, bands };
+                let lobe = Lobe { table: transmit, bands };
                 wide(Scatter { from, sources: (&members, &values), to, lobe, radiance: &mut through });
                 // Radiance over n² is what stays the same across the boundary; inside elements
                 // already weigh n² in the normalisation.
@@ -327,11 +309,11 @@ impl Bounce<'_> {
     }
 }
 
-/// The reflection lobe's factor and m² on the side where `point` is.
-pub fn lobe_of<'a>(point: &SpecularPoint, material: &'a SpecularMaterial) -> (&'a LobeTable, f32) {
+/// The reflection lobe's factor on the side where `point` is.
+pub fn reflectance<'a>(point: &SpecularPoint, material: &'a SpecularMaterial) -> &'a LobeTable {
     match &material.reflect_inside {
-        Some(inside) if point.inside => (inside, material.m2),
-        _ => (&material.reflect, material.m2),
+        Some(inside) if point.inside => inside,
+        _ => &material.reflect,
     }
 }
 
@@ -354,31 +336,4 @@ fn relative(part: &[f64], whole: &[f64]) -> f64 {
 /// Element-wise sum.
 fn add(sum: &mut [f64], more: &[f64]) {
     sum.iter_mut().zip(more).for_each(|(s, m)| *s += m);
-}
-
-impl ChainFlow {
-    /// Adds `factor[k]` times another flow at each wavelength k; the operator is linear.
-    pub fn add_scaled(&mut self, other: &ChainFlow, factor: &[f64]) {
-        let n = other.irradiance.len() / factor.len().max(1);
-        self.irradiance.resize(other.irradiance.len(), 0.0);
-        for (k, &f) in factor.iter().enumerate() {
-            for i in k * n..(k + 1) * n {
-                self.irradiance[i] += f as f32 * other.irradiance[i];
-            }
-        }
-        let pairs = [
-            (&mut self.entered, &other.entered),
-            (&mut self.left, &other.left),
-            (&mut self.escaped, &other.escaped),
-            (&mut self.medium, &other.medium),
-            (&mut self.cut_off, &other.cut_off),
-        ];
-        for (sum, more) in pairs {
-            sum.resize(factor.len(), 0.0);
-            for (k, &f) in factor.iter().enumerate() {
-                sum[k] += f * more[k];
-            }
-        }
-        self.bounces = self.bounces.max(other.bounces);
-    }
 }

@@ -4,11 +4,17 @@
 //! points pass radiance on in chains ([`specular`], [`chain`]); both together are the extended form
 //! factors of equation (7), which [`system`] solves without ever storing them.
 
+mod balance;
 pub mod chain;
 pub mod diffuse;
+pub mod directions;
+pub mod flow;
 pub mod form_factor;
 mod gmres;
+pub mod ideal;
 pub mod lobe;
+pub mod lobe_table;
+pub mod member;
 pub mod near;
 mod normalise;
 mod openings;

@@ -1,8 +1,9 @@
-//! Scale factors that make every lobe return its directional albedo over the members a point has:
+//! Scale factors that make every rough lobe, and every refraction, return its directional albedo over the members a point has:
 //! u_l Σ_k B(l, k) q_k u_k = a(θ_l). Sinkhorn's balancing with square roots keeps B symmetric, so
 //! energy is neither created nor lost and reciprocity holds.
 
-use super::lobe::{Directions, LANES, interpolate};
+use super::directions::{Directions, LANES, Lanes};
+use crate::material::AlbedoTable;
 use crate::simd::{HotLoop, wide};
 
 /// Rounds of balancing at most; the error left falls slowly after the first few.
@@ -12,7 +13,6 @@ const GOOD: f64 = 1e-3;
 /// Groups of lanes kept for one lobe at most (72 MB); rows beyond are recomputed in each round.
 const KEPT: usize = 2 << 20;
 
-type Lanes = [f32; LANES];
 /// Group of lanes and B there, where it is not 0.
 type Entry = (u32, Lanes);
 
@@ -20,15 +20,14 @@ type Entry = (u32, Lanes);
 struct Lobes<'a> {
     from: &'a Directions,
     to: &'a Directions,
-    m2: f32,
     /// The first rows, one after the other, and where each ends.
     kept: Vec<Entry>,
     ends: Vec<usize>,
 }
 
 impl<'a> Lobes<'a> {
-    fn new(from: &'a Directions, to: &'a Directions, m2: f32) -> Self {
-        wide(Keep(Lobes { from, to, m2, kept: Vec::new(), ends: Vec::new() }))
+    fn new(from: &'a Directions, to: &'a Directions) -> Self {
+        wide(Keep(Lobes { from, to, kept: Vec::new(), ends: Vec::new() }))
     }
 
     /// Appends B(l, ·) to `row`.
@@ -36,8 +35,8 @@ impl<'a> Lobes<'a> {
     fn append(&self, l: usize, row: &mut Vec<Entry>) {
         let a = self.from.get(l);
         if a.to[2] > 0.0 {
-            for g in self.to.reach(a, self.m2, 0) {
-                if let Some((b, _)) = self.to.lobe(&a, g, self.m2) {
+            for g in self.to.reach(a, 0) {
+                if let Some((b, _)) = self.to.lobe(&a, g) {
                     row.push((g as u32, b));
                 }
             }
@@ -145,14 +144,14 @@ fn step(directions: &mut Directions, sums: &[f32], albedo: impl Fn(f32) -> f32, 
 
 /// Scales the reflection lobe of one point to the directional `albedo`. Returns the (mean, largest)
 /// relative deviation left.
-pub fn normalise_reflection(directions: &mut Directions, m2: f32, albedo: &[f32]) -> (f64, f64) {
+pub fn normalise_reflection(directions: &mut Directions, albedo: &AlbedoTable) -> (f64, f64) {
     let unscaled = directions.clone();
-    let lobes = Lobes::new(&unscaled, &unscaled, m2);
+    let lobes = Lobes::new(&unscaled, &unscaled);
     let mut error = (0.0, 0.0);
     for _ in 0..ROUNDS {
         let sums = lobes.times(&weighted(directions));
         let before = directions.scale.clone();
-        error = step(directions, &sums, |z| interpolate(albedo, z), true);
+        error = step(directions, &sums, |z| albedo.eval(z), true);
         if error.1 < GOOD {
             directions.scale = before;
             break;
@@ -173,7 +172,7 @@ pub fn normalise_transmission(front: &mut Directions, back: &mut Directions) -> 
         back.weight.iter_mut().flatten().for_each(|w| *w *= ratio);
     }
     let (a, b) = (front.clone(), back.clone());
-    let (forth, backwards) = (Lobes::new(&a, &b, 0.0), Lobes::new(&b, &a, 0.0));
+    let (forth, backwards) = (Lobes::new(&a, &b), Lobes::new(&b, &a));
     let mut error = (0.0, 0.0);
     for _ in 0..ROUNDS {
         error = step(front, &forth.times(&weighted(back)), |_| 1.0, false);
@@ -183,4 +182,9 @@ pub fn normalise_transmission(front: &mut Directions, back: &mut Directions) -> 
         }
     }
     error
+}
+
+/// Σ_k B(l, k) q_k u_k over the members of `to`, for every member l of `from`.
+pub fn sums(from: &Directions, to: &Directions) -> Vec<f32> {
+    Lobes { from, to, kept: Vec::new(), ends: Vec::new() }.times(&weighted(to))
 }

@@ -5,9 +5,10 @@
 //! the product, else light leaks through walls. Factors, lobes and scale factors are those of the
 //! production code, and transmission through glass is added beside reflection.
 
-use super::chain::lobe_of;
+use super::chain::reflectance;
+use super::directions::Directions;
 use super::form_factor::projected_solid_angle;
-use super::lobe::{Directions, LobeTable};
+use super::lobe_table::LobeTable;
 use super::settings::{ChainLimits, Kernel};
 use super::specular::SpecularSet;
 use super::system::System;
@@ -94,7 +95,6 @@ struct Lobe<'a> {
     to: &'a Directions,
     out: usize,
     table: &'a LobeTable,
-    m2: f32,
     gain: f32,
 }
 
@@ -111,20 +111,14 @@ impl Evaluation<'_> {
         let arriving: Vec<f64> = (0..carried.len())
             .map(|c| carried[c] * f64::from(point.q_in[from]) * f64::from(self.set.through(point, from, c)))
             .collect();
-        let (reflect, m2) = lobe_of(point, material);
-        let mut lobes = vec![Lobe {
-            from: &point.reflection,
-            to: &point.reflection,
-            out: s,
-            table: reflect,
-            m2,
-            gain: 1.0,
-        }];
+        let reflect = reflectance(point, material);
+        let mut lobes =
+            vec![Lobe { from: &point.reflection, to: &point.reflection, out: s, table: reflect, gain: 1.0 }];
         if let (Some(twin), Some(table), Some(here)) = (point.twin, &material.transmit, &point.transmission)
             && let Some(there) = &self.set.points[twin as usize].transmission
         {
             let gain = if point.inside { 1.0 } else { material.n2 };
-            lobes.push(Lobe { from: here, to: there, out: twin as usize, table, m2: 0.0, gain });
+            lobes.push(Lobe { from: here, to: there, out: twin as usize, table, gain });
         }
         for lobe in lobes {
             self.pass_on(j, &lobe, from, &arriving, lg);
@@ -137,7 +131,7 @@ impl Evaluation<'_> {
         let out = &self.set.points[lobe.out];
         let a = lobe.from.get(from);
         for (k, &member) in out.members.iter().enumerate().filter(|(_, m)| **m != NO_POINT) {
-            let (b, cosine) = lobe.to.lobe_at(&a, k, lobe.m2);
+            let (b, cosine) = lobe.to.lobe_at(&a, k);
             if b == 0.0 {
                 continue;
             }

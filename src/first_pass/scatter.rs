@@ -1,14 +1,13 @@
 //! The innermost loops of the specular chains: radiance from many members through one lobe to many.
 
-use super::lobe::{Band, Directions, LANES, LobeTable};
+use super::directions::{Directions, LANES};
+use super::lobe_table::{Band, LobeTable};
 use crate::simd::{HotLoop, wide};
 use glam::Vec4;
 
 /// What one kind of scattering does.
 #[derive(Clone, Copy)]
 pub struct Lobe<'a> {
-    /// m².
-    pub m2: f32,
     /// F (or what goes through) times the specular share.
     pub table: &'a LobeTable,
     /// Bands of wavelengths.
@@ -37,16 +36,15 @@ impl HotLoop for Scatter<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Scatter { from, sources: (members, values), to, lobe: Lobe { m2, table, bands }, radiance } =
-            self;
+        let Scatter { from, sources: (members, values), to, lobe: Lobe { table, bands }, radiance } = self;
         for (&member, source) in members.iter().zip(values.chunks(bands)) {
             let a = from.get(member as usize);
             let u = from.gain * from.scale_of(member as usize);
             if a.to[2] <= 0.0 {
                 continue;
             }
-            for g in to.reach(a, m2, 0) {
-                let Some((b, cosine)) = to.lobe(&a, g, m2) else { continue };
+            for g in to.reach(a, 0) {
+                let Some((b, cosine)) = to.lobe(&a, g) else { continue };
                 let (slot, f) = table.slots(&cosine);
                 let scale = &to.scale[g];
                 let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
@@ -94,7 +92,7 @@ impl HotLoop for Exchange<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Exchange { members, light, lobe: Lobe { m2, table, bands }, radiance } = self;
+        let Exchange { members, light, lobe: Lobe { table, bands }, radiance } = self;
         let mut back = vec![Vec4::ZERO; bands];
         for l in 0..members.len {
             let a = members.get(l);
@@ -105,8 +103,8 @@ impl HotLoop for Exchange<'_> {
             let own = l / LANES;
             let source = &light[l * bands..(l + 1) * bands];
             back.fill(Vec4::ZERO);
-            for g in members.reach(a, m2, own) {
-                let Some((b, cosine)) = members.lobe(&a, g, m2) else { continue };
+            for g in members.reach(a, own) {
+                let Some((b, cosine)) = members.lobe(&a, g) else { continue };
                 let (slot, f) = table.slots(&cosine);
                 let scale = &members.scale[g];
                 // The pairs within a group are met from both their ends.

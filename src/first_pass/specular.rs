@@ -1,17 +1,16 @@
 //! Specular points: what each sees, in which directions, and where radiance goes from one to the next.
 
-use super::form_factor::{plane_distances, projected_solid_angle};
-use super::lobe::{Direction, Directions, LobeTable, directional_albedo, slope_spread, strip_order};
+use super::balance::{Element, balance};
+use super::directions::{Direction, Directions, Origin};
+use super::lobe_table::{BAND, LobeTable};
+use super::member::{Frame, members, outside};
 use super::normalise::{normalise_reflection, normalise_transmission};
-use super::openings::openings;
 use super::settings::Kernel;
-use super::visibility_calls::facing_direction;
 use crate::geometry::Side;
-use crate::material::Transmission;
+use crate::material::{AlbedoTable, Transmission};
 use crate::points::{NO_POINT, SamplePoints};
 use crate::scene::SampledAppearance;
 use crate::visibility::VisibilityGraph;
-use glam::Vec3;
 use rayon::prelude::*;
 
 /// A member that another specular point's radiance comes from.
@@ -68,7 +67,7 @@ pub struct SpecularMaterial {
     /// Absorption coefficient inside a solid, 1/m, `[W]`.
     pub absorption: Vec<f32>,
     /// Directional albedo with F = 1.
-    albedo: Vec<f32>,
+    albedo: AlbedoTable,
 }
 
 /// All specular points of a scene.
@@ -86,6 +85,14 @@ pub struct SpecularSet {
     pub cells: u64,
 }
 
+impl SpecularPoint {
+    /// The ideal lobe of its reflection, or of what goes straight `through` it, if it has one.
+    fn straight_lobe(&mut self, through: bool) -> Option<&mut Directions> {
+        let lobe = if through { self.transmission.as_mut() } else { Some(&mut self.reflection) };
+        lobe.filter(|d| d.origin.m2 == 0.0 && d.origin.straight)
+    }
+}
+
 impl SpecularMaterial {
     /// `None` when there is nothing specular about the material.
     fn new(material: &crate::material::SampledMaterial) -> Option<Self> {
@@ -100,7 +107,7 @@ impl SpecularMaterial {
             transmit: None,
             n2: 1.0,
             absorption: Vec::new(),
-            albedo: directional_albedo(material.m),
+            albedo: AlbedoTable::new(material.m),
         };
         match &material.transmission {
             None => {}
@@ -116,25 +123,6 @@ impl SpecularMaterial {
         }
         Some(specular)
     }
-}
-
-/// Two unit vectors that make a frame with `normal`; the same for `normal` and `-normal`.
-pub fn tangents(normal: Vec3) -> (Vec3, Vec3) {
-    let axis = if normal.x.abs() < 0.6 { Vec3::X } else { Vec3::Y };
-    let x = (axis - axis.dot(normal) * normal).normalize_or(Vec3::Z);
-    let y = normal.cross(x);
-    // cross(-n, x) = -cross(n, x): fix the sign by the first component that is not zero.
-    let first = y.to_array().into_iter().find(|c| c.abs() > 1e-3).unwrap_or(1.0);
-    (x, y * first.signum())
-}
-
-/// A member before it is sorted.
-struct Member {
-    point: u32,
-    q_in: f32,
-    q_out: f32,
-    distance: f32,
-    direction: Direction,
 }
 
 impl SpecularSet {
@@ -161,11 +149,10 @@ impl SpecularSet {
             let twin = (glass && points.twin[i] != NO_POINT)
                 .then(|| chosen.binary_search(&points.twin[i]).ok().map(|t| t as u32))
                 .flatten();
-            let mut members = visible(points, graph, kernel, tolerance, i);
-            add_openings(points, i, &mut members);
-            strip_order(&mut members, |m| m.direction.to);
+            let members = members(points, graph, kernel, tolerance, i);
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
-            let n2 = materials[material].as_ref().map_or(1.0, |m| m.n2);
+            let (m2, n2) = materials[material].as_ref().map_or((0.0, 1.0), |m| (m.m2, m.n2));
+            let mirror = Origin { m2, side: Frame::new(points, i).side, straight: true };
             let attenuates =
                 inside(i) || members.iter().any(|m| m.point != NO_POINT && inside(m.point as usize));
             let mut links: Vec<Link> = members
@@ -186,8 +173,15 @@ impl SpecularSet {
                 q_in: members.iter().map(|m| m.q_in).collect(),
                 q_out: members.iter().map(|m| m.q_out).collect(),
                 distance: if attenuates { members.iter().map(|m| m.distance).collect() } else { Vec::new() },
-                reflection: Directions::new(&directions),
-                transmission: twin.map(|_| outside(&directions, if inside(i) { n2 } else { 1.0 })),
+                reflection: Directions::new(mirror, &directions),
+                transmission: twin.map(|_| {
+                    let window = Origin { m2: 0.0, straight: n2 == 1.0, ..mirror };
+                    if inside(i) {
+                        outside(window, &directions, n2)
+                    } else {
+                        Directions::new(window, &directions)
+                    }
+                }),
                 links,
             }
         };
@@ -199,7 +193,7 @@ impl SpecularSet {
             cells: 0,
         };
         set.connect();
-        set.normalise();
+        set.normalise(points);
         set.cells = set.points.iter().flat_map(|p| &p.members).filter(|&&m| m == NO_POINT).count() as u64;
         set
     }
@@ -211,7 +205,7 @@ impl SpecularSet {
 
     /// Bands of wavelengths.
     pub fn bands(&self) -> usize {
-        self.wavelengths.div_ceil(super::lobe::BAND)
+        self.wavelengths.div_ceil(BAND)
     }
 
     /// Finds for every link the link back.
@@ -234,15 +228,18 @@ impl SpecularSet {
     }
 
     /// Scales all lobes to their directional albedo.
-    fn normalise(&mut self) {
+    fn normalise(&mut self, sample: &SamplePoints) {
         let materials = &self.materials;
         let mut errors: Vec<(f64, f64)> = self
             .points
             .par_iter_mut()
             .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
-            .map(|(p, m)| normalise_reflection(&mut p.reflection, m.m2, &m.albedo))
+            .filter(|(_, m)| m.m2 > 0.0)
+            .map(|(p, m)| normalise_reflection(&mut p.reflection, &m.albedo))
             .collect();
+        let refracts = |p: &SpecularPoint| p.transmission.as_ref().is_some_and(|t| !t.origin.straight);
         let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())
+            .filter(|(_, p)| refracts(p))
             .filter_map(|(s, p)| p.twin.map(|t| (s, t as usize)))
             .filter(|(s, t)| s < t)
             .collect();
@@ -260,85 +257,44 @@ impl SpecularSet {
             self.points[t].transmission = Some(b);
             errors.push(error);
         }
+        errors.extend(self.balance(sample, false));
+        errors.extend(self.balance(sample, true));
         if !errors.is_empty() {
             let mean = errors.iter().map(|e| e.0).sum::<f64>() / errors.len() as f64;
             self.closure_error = (mean, errors.iter().map(|e| e.1).fold(0.0, f64::max));
         }
     }
-}
 
-/// All points that `i` sees, as members.
-fn visible(
-    points: &SamplePoints,
-    graph: &VisibilityGraph,
-    kernel: Kernel,
-    tolerance: f32,
-    i: usize,
-) -> Vec<Member> {
-    let analytic = kernel == Kernel::Analytic;
-    let (x, y) = tangents(points.normal[i]);
-    let mut members = Vec::new();
-    for j in 0..points.len() {
-        let (d_i, d_j, r2) = plane_distances(points, i, j);
-        if !(d_i > tolerance && d_j > tolerance && graph.unblocked(i, j)) {
-            continue;
+    /// Balances the ideal lobes of all mirrors, or of what goes straight `through` panes. Returns the deviation left.
+    fn balance(&mut self, sample: &SamplePoints, through: bool) -> Option<(f64, f64)> {
+        let chosen: Vec<usize> =
+            (0..self.points.len()).filter(|&s| self.points[s].straight_lobe(through).is_some()).collect();
+        let place = |s: usize| chosen.binary_search(&s).ok();
+        let mut groups = std::collections::BTreeMap::new();
+        let mut elements: Vec<Element> = Vec::new();
+        for (at, &s) in chosen.iter().enumerate() {
+            let point = &mut self.points[s];
+            let i = point.point as usize;
+            let next = groups.len();
+            let group = *groups.entry((sample.surface[i], sample.side[i] == Side::Back)).or_insert(next);
+            elements.push(Element {
+                directions: point.straight_lobe(through).map(std::mem::take).unwrap_or_default(),
+                other: if through { point.twin.and_then(|t| place(t as usize)).unwrap_or(at) } else { at },
+                group,
+                area: sample.area[i],
+                members: std::mem::take(&mut point.members),
+            });
         }
-        let q_in = projected_solid_angle(points, i, j, analytic);
-        members.push(Member {
-            point: j as u32,
-            q_in,
-            q_out: projected_solid_angle(points, j, i, analytic),
-            distance: r2.sqrt(),
-            direction: Direction { weight: q_in, ..facing_direction(points, (i, j), (d_i, d_j, r2), (x, y)) },
-        });
-    }
-    members
-}
-
-/// Adds the openings of the hemisphere of `i` as members without a point.
-fn add_openings(points: &SamplePoints, i: usize, members: &mut Vec<Member>) {
-    let (x, y) = tangents(points.normal[i]);
-    let z = points.normal[i];
-    let seen: f32 = members.iter().map(|m| m.q_in).sum();
-    let local = |c: Vec3| {
-        let d = c - points.position[i];
-        Vec3::new(d.dot(x), d.dot(y), d.dot(z))
-    };
-    let found = openings(seen, members.iter().map(|m| points.corners[m.point as usize].map(local)));
-    members.extend(found.into_iter().map(|opening| Member {
-        point: NO_POINT,
-        q_in: opening.weight,
-        q_out: 0.0,
-        distance: 0.0,
-        direction: Direction {
-            to: opening.to.to_array(),
-            spread: slope_spread(opening.weight / opening.to.z, opening.to.z),
-            blur: 0.0,
-            weight: opening.weight,
-        },
-    }));
-}
-
-/// Directions inside a medium of index squared `n2` as the directions outside that refract into
-/// them; those beyond the critical angle get no weight.
-fn outside(directions: &[Direction], n2: f32) -> Directions {
-    let n = n2.sqrt();
-    let refracted: Vec<Direction> = directions
-        .iter()
-        .map(|d| {
-            let [x, y, z] = d.to;
-            let cos2 = 1.0 - n2 * (x * x + y * y);
-            let cosine = if n2 == 1.0 { z } else { cos2.max(0.0).sqrt() };
-            let weight = if cosine > 0.0 { n2 * d.weight } else { 0.0 };
-            // dΩ outside is n² cos inside / cos outside times dΩ inside.
-            let wider = n2 * z / cosine.max(0.1);
-            Direction {
-                to: [n * x, n * y, cosine],
-                spread: d.spread * wider,
-                blur: d.blur * wider.sqrt(),
-                weight,
+        let error = (!elements.is_empty()).then(|| balance(&mut elements, sample.len()));
+        for (&s, element) in chosen.iter().zip(elements) {
+            let point = &mut self.points[s];
+            point.members = element.members;
+            if through {
+                point.transmission = Some(element.directions);
+            } else {
+                point.reflection = element.directions;
             }
-        })
-        .collect();
-    Directions::new(&refracted)
+        }
+        error
+    }
 }

@@ -1,7 +1,7 @@
 //! What one first pass did, and where the light went.
 
-use super::chain::ChainFlow;
 use super::diffuse::DiffuseOperator;
+use super::flow::ChainFlow;
 use super::specular::SpecularSet;
 use crate::points::SamplePoints;
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! Equation (7) as a system: L = L^E + ρ/π (E_diffuse + E_chains), all wavelengths at once.
 
-use super::chain::ChainFlow;
 use super::diffuse::DiffuseOperator;
+use super::flow::ChainFlow;
 use super::settings::FirstPassSettings;
 use super::specular::SpecularSet;
 use super::stats::over_area;

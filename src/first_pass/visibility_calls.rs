@@ -1,12 +1,11 @@
 //! How often the paper's algorithm, without a graph, would ask whether two points see each other
 //! (its Table 2), counted without following every path.
 
-use super::chain::lobe_of;
+use super::directions::{Directions, Origin, strip_order};
 use super::form_factor::plane_distances;
-use super::lobe::{Direction, Directions, slope_blur, slope_spread, strip_order};
-use super::specular::{SpecularSet, tangents};
+use super::member::Frame;
+use super::specular::SpecularSet;
 use crate::points::{NO_POINT, SamplePoints};
-use glam::Vec3;
 use rayon::prelude::*;
 
 /// Calls of h by EvaluateEFF and GlobSpecOp for all points: N (N - 1) from point to point, and one for
@@ -56,11 +55,7 @@ impl Cones {
     /// Of specular point `s`.
     pub fn new(points: &SamplePoints, specular: &SpecularSet, tolerance: f32, s: usize) -> Self {
         let point = &specular.points[s];
-        let Some(material) = specular.material(point) else {
-            return Cones { size: Vec::new(), links: Vec::new() };
-        };
-        let m2 = lobe_of(point, material).1;
-        let facing = all_facing(points, tolerance, point.point as usize);
+        let facing = all_facing(points, tolerance, point.point as usize, point.reflection.origin);
         let (mut size, mut links) = (Vec::new(), Vec::new());
         for (member, &l) in point.members.iter().enumerate() {
             if l == NO_POINT {
@@ -70,15 +65,15 @@ impl Cones {
             }
             let a = point.reflection.get(member);
             let mut count = 0;
-            for g in facing.reach(a, m2, 0) {
-                if let Some((b, _)) = facing.lobe(&a, g, m2) {
+            for g in facing.reach(a, 0) {
+                if let Some((b, _)) = facing.lobe(&a, g) {
                     count += b.iter().filter(|b| **b > 0.0).count() as u32;
                 }
             }
             size.push(count);
             let within = |link: &u32| {
                 let k = point.links[*link as usize].member as usize;
-                point.reflection.lobe_at(&a, k, m2).0 > 0.0
+                point.reflection.lobe_at(&a, k).0 > 0.0
             };
             links.push((0..point.links.len() as u32).filter(within).collect());
         }
@@ -87,40 +82,15 @@ impl Cones {
 }
 
 /// All points that `i` faces, visible or not, as directions.
-fn all_facing(points: &SamplePoints, tolerance: f32, i: usize) -> Directions {
-    let (x, y) = tangents(points.normal[i]);
+fn all_facing(points: &SamplePoints, tolerance: f32, i: usize, origin: Origin) -> Directions {
+    let frame = Frame::new(points, i);
     let mut list = Vec::new();
     for j in 0..points.len() {
         let (d_i, d_j, r2) = plane_distances(points, i, j);
         if d_i > tolerance && d_j > tolerance {
-            list.push(facing_direction(points, (i, j), (d_i, d_j, r2), (x, y)));
+            list.push(frame.direction(points, (i, j), (d_i, d_j, r2)));
         }
     }
     strip_order(&mut list, |d| d.to);
-    Directions::new(&list)
-}
-
-/// Point `j` as a direction of point `i`, without a weight.
-pub fn facing_direction(
-    points: &SamplePoints,
-    (i, j): (usize, usize),
-    (d_i, d_j, r2): (f32, f32, f32),
-    (x, y): (Vec3, Vec3),
-) -> Direction {
-    let distance = r2.sqrt();
-    let w = (points.position[j] - points.position[i]) / distance;
-    let omega = |area: f32, d: f32| (area * d / (r2 * distance)).min(2.0 * std::f32::consts::PI);
-    Direction {
-        to: [w.dot(x), w.dot(y), d_i / distance],
-        spread: slope_spread(omega(points.area[j], d_j), d_i / distance),
-        blur: slope_blur(longer_side(&points.corners[i]) / distance, d_i / distance),
-        weight: 0.0,
-    }
-}
-
-/// The longer of the two mean side lengths of an element, m.
-fn longer_side([a, b, c, d]: &[Vec3; 4]) -> f32 {
-    let across = 0.5 * (*b + *c - *a - *d).length();
-    let along = 0.5 * (*c + *d - *a - *b).length();
-    across.max(along)
+    Directions::new(origin, &list)
 }

@@ -35,6 +35,39 @@ pub fn rs_over_f(ni: f64, nr: f64, nh: f64, ih: f64, m: f64) -> f64 {
     if g > 0.0 { (beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr))).min(f64::MAX) } else { 0.0 }
 }
 
+/// [`rs_over_f`] in single precision for inner loops, [`LANES`] directions at a time: `t2` is the squared tangential
+/// length of the sum of the two unit directions, `ni` and `nr` their cosines, `m2` is m². Within a relative 1e-4 where
+/// tan²α <= 8 m², and never more than there beyond; the cosines must be positive.
+#[inline(always)]
+pub fn rs_over_f_lanes<const LANES: usize>(
+    t2: &[f32; LANES],
+    ni: f32,
+    nr: &[f32; LANES],
+    m2: &[f32; LANES],
+) -> [f32; LANES] {
+    let mut value = [0.0; LANES];
+    for l in 0..LANES {
+        // tan²α = t2 / z2 and cos²α = z2 / v2, arranged to divide twice.
+        let z2 = (ni + nr[l]) * (ni + nr[l]);
+        let v2 = t2[l] + z2;
+        let slope = 1.0 / (z2 * m2[l]);
+        let d_g = exp_minus(t2[l] * slope) * v2 * v2.min(4.0 * (nr[l] + ni) * nr[l].min(ni));
+        value[l] = d_g * slope / (4.0 * std::f32::consts::PI * ni * nr[l] * z2);
+    }
+    value
+}
+
+/// exp(-x) for x from 0 to 8 to a relative 2e-5 (x held at 8), in a form that compilers vectorise.
+#[inline(always)]
+fn exp_minus(x: f32) -> f32 {
+    let y = -x.min(8.0) * (1.0 / 16.0);
+    let p = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0 + y / 720.0)))));
+    let p2 = p * p;
+    let p4 = p2 * p2;
+    let p8 = p4 * p4;
+    p8 * p8
+}
+
 /// A half vector about the normal (0, 0, 1), with density D cos α/π per solid angle: see [`half_vector_pdf`].
 /// `u1`, `u2` are uniform in 0..1.
 pub fn sample_half_vector(m: f64, u1: f64, u2: f64) -> DVec3 {
@@ -76,6 +109,33 @@ mod tests {
                 })
                 .sum();
             assert!((sum - 1.0).abs() < 1e-6, "{m}: {sum}");
+        }
+    }
+
+    #[test]
+    fn single_precision_follows_double() {
+        for i in 0..=100 {
+            let x = 0.08 * i as f32;
+            assert!((exp_minus(x) / (-x).exp() - 1.0).abs() < 2e-5);
+        }
+        let direction =
+            |theta: f64, phi: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+        for m in [0.02, 0.1, 0.3, 1.0] {
+            for (theta_i, theta_r, phi) in
+                [(0.0, 0.01, 0.0), (0.5, 0.52, 3.1), (1.2, 1.3, 3.0), (1.5, 0.9, 2.0)]
+            {
+                let (a, b) = (direction(theta_i, 0.0), direction(theta_r, phi));
+                let (sum, h) = (a + b, (a + b).normalize());
+                let expected = rs_over_f(a.z, b.z, h.z, h.dot(a), m);
+                if (1.0 / (h.z * h.z) - 1.0) / (m * m) < 8.0 {
+                    let t2 = [(sum.x * sum.x + sum.y * sum.y) as f32];
+                    let [found] = rs_over_f_lanes(&t2, a.z as f32, &[b.z as f32], &[(m * m) as f32]);
+                    assert!(
+                        (f64::from(found) / expected - 1.0).abs() < 1e-4,
+                        "{m} {theta_i}: {found} {expected}"
+                    );
+                }
+            }
         }
     }
 

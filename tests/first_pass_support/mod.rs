@@ -111,9 +111,20 @@ pub struct TestScene {
 
 impl TestScene {
     pub fn new(quads: &[Quad], materials: Vec<SampledMaterial>, max_area: f64) -> Self {
+        Self::with_areas(quads, materials, max_area, &[])
+    }
+
+    /// [`TestScene::new`] with surfaces that have a largest element of their own.
+    pub fn with_areas(
+        quads: &[Quad],
+        materials: Vec<SampledMaterial>,
+        max_area: f64,
+        areas: &[(usize, f64)],
+    ) -> Self {
         let shapes =
             quads.iter().enumerate().map(|(i, (v, _, two))| (Shape::Quad(*v), *two, i as u32, ObjectId(0)));
-        let geometry = Geometry::new(shapes.collect(), vec!["test".into()]);
+        let mut geometry = Geometry::new(shapes.collect(), vec!["test".into()]);
+        areas.iter().for_each(|&(surface, area)| geometry.max_area[surface] = Some(area));
         let elements = divide_by_area(&geometry, &Sampling::by_area(max_area));
         // Octants, so that tiles of several voxels are met in both orders.
         let octant =

@@ -1,0 +1,236 @@
+//! Directions of what a specular point sees, side by side, and the lobe between any two of them.
+
+use super::{ideal, lobe};
+
+/// Directions handled side by side.
+pub const LANES: usize = 8;
+/// A value for each of [`LANES`] directions.
+pub type Lanes = [f32; LANES];
+
+/// One direction from a specular element to an element it sees. The frame's x and y lie along the
+/// sides of the specular element and are shared by both sides of its surface, z is the side's normal.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Direction {
+    /// Unit vector.
+    pub to: [f32; 3],
+    /// Projected solid angle that the direction stands for, sr.
+    pub weight: f32,
+    /// What a rough lobe needs to know of the element.
+    pub rough: lobe::Extent,
+    /// What an ideal lobe needs to know of the element.
+    pub ideal: ideal::Extent,
+}
+
+/// The specular element that directions are seen from.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Origin {
+    /// m² of its lobe; 0 for ideal reflection and refraction.
+    pub m2: f32,
+    /// Its sides along x and y, m.
+    pub side: [f32; 2],
+    /// Whether light that leaves along the mirrored direction, or straight on, came along a straight line
+    /// (unfolded at the mirror): not so where it is refracted.
+    pub straight: bool,
+}
+
+/// Directions of what a point sees on one side of its surface, in structure of arrays. Neighbours in
+/// the list should be neighbours in direction ([`strip_order`]), so that groups can be passed over whole.
+#[derive(Clone, Debug, Default)]
+pub struct Directions {
+    /// What sees them.
+    pub origin: Origin,
+    /// First tangential coordinate.
+    pub x: Vec<Lanes>,
+    /// Second tangential coordinate.
+    pub y: Vec<Lanes>,
+    /// Cosine with the normal; 0 where there is nothing (padding, beyond the critical angle).
+    pub z: Vec<Lanes>,
+    /// Projected solid angle that the direction stands for.
+    pub weight: Vec<Lanes>,
+    /// Scale factor u of the normalisation.
+    pub scale: Vec<Lanes>,
+    /// As [`Direction::rough`]; empty for an ideal lobe.
+    pub rough: Vec<lobe::Extents>,
+    /// As [`Direction::ideal`]; empty for a rough lobe.
+    pub ideal: Vec<ideal::Extents>,
+    /// Factor on what comes in from these directions; 1 but inside solids, where it makes up for a
+    /// critical cone that the elements do not fill exactly.
+    pub gain: f32,
+    /// Number of directions; the rest is padding.
+    pub len: usize,
+    /// What holds for all directions of a group, [`LANES`] groups side by side.
+    bounds: Vec<Bounds>,
+}
+
+/// What holds for all directions of each of [`LANES`] groups.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds {
+    /// Smallest coordinates: of unit vectors, or of slopes for an ideal lobe.
+    pub low: [Lanes; 2],
+    /// Largest coordinates.
+    pub high: [Lanes; 2],
+    /// Largest cosine, for a rough lobe.
+    pub z: Lanes,
+    /// Largest extents: spread and blur of a rough lobe, extent and nearness (x and y) of an ideal one.
+    pub most: [Lanes; 4],
+    /// Largest depth, for an ideal lobe.
+    pub depth: Lanes,
+}
+
+impl Bounds {
+    /// Of groups that hold nothing.
+    const NONE: Bounds = Bounds {
+        low: [[f32::MAX; LANES]; 2],
+        high: [[f32::MIN; LANES]; 2],
+        z: [0.0; LANES],
+        most: [[0.0; LANES]; 4],
+        depth: [0.0; LANES],
+    };
+
+    /// Takes in a direction of the group in `lane`.
+    fn include(&mut self, lane: usize, d: &Direction, ideal: bool) {
+        let (at, most) = if ideal {
+            let ([x, y], [gx, gy]) = (d.ideal.own_spread(), d.ideal.nearness);
+            (d.ideal.slope, [x, y, gx, gy])
+        } else {
+            ([d.to[0], d.to[1]], [d.rough.spread, d.rough.blur, 0.0, 0.0])
+        };
+        for axis in 0..2 {
+            self.low[axis][lane] = self.low[axis][lane].min(at[axis]);
+            self.high[axis][lane] = self.high[axis][lane].max(at[axis]);
+        }
+        self.z[lane] = self.z[lane].max(d.to[2]);
+        self.depth[lane] = self.depth[lane].max(d.ideal.depth);
+        for (own, most) in self.most.iter_mut().zip(most) {
+            own[lane] = own[lane].max(most);
+        }
+    }
+
+    /// How far `-at` lies outside the box of a group along an axis.
+    #[inline(always)]
+    pub fn gap(&self, axis: usize, lane: usize, at: f32) -> f32 {
+        (self.low[axis][lane] + at).max(-at - self.high[axis][lane]).max(0.0)
+    }
+
+    /// A bit for each group that the lobe of `a` may reach.
+    #[inline(always)]
+    fn reached(&self, a: &Direction, origin: &Origin) -> u32 {
+        if origin.m2 > 0.0 { lobe::reached(self, a, origin.m2) } else { ideal::reached(self, a, origin.side) }
+    }
+}
+
+/// The groups that a lobe may reach, ascending.
+pub struct Reach<'a> {
+    bounds: &'a [Bounds],
+    origin: &'a Origin,
+    a: Direction,
+    /// The bounds looked at, and the bits of them that are left.
+    next: usize,
+    left: u32,
+}
+
+impl Iterator for Reach<'_> {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        while self.left == 0 {
+            self.left = self.bounds.get(self.next)?.reached(&self.a, self.origin);
+            self.next += 1;
+        }
+        let lane = self.left.trailing_zeros() as usize;
+        self.left &= self.left - 1;
+        Some((self.next - 1) * LANES + lane)
+    }
+}
+
+/// Sorts anything that has a direction into strips of x and by y within a strip, so that groups of
+/// [`LANES`] are compact.
+pub fn strip_order<T>(list: &mut [T], to: impl Fn(&T) -> [f32; 3]) {
+    let strips = (list.len() as f32 / LANES as f32).sqrt().ceil();
+    let strip = |t: &T| ((to(t)[0] + 1.0) * 0.5 * strips).floor();
+    list.sort_by(|a, b| strip(a).total_cmp(&strip(b)).then(to(a)[1].total_cmp(&to(b)[1])));
+}
+
+impl Directions {
+    /// Directions in the order given.
+    pub fn new(origin: Origin, list: &[Direction]) -> Self {
+        let mut d = Directions { origin, len: list.len(), gain: 1.0, ..Default::default() };
+        let ideal = origin.m2 == 0.0;
+        for (g, group) in list.chunks(LANES).enumerate() {
+            d.x.push(lanes(group, |l| l.to[0]));
+            d.y.push(lanes(group, |l| l.to[1]));
+            d.z.push(lanes(group, |l| l.to[2]));
+            d.weight.push(lanes(group, |l| l.weight));
+            d.scale.push(lanes(group, |_| 1.0));
+            if ideal {
+                d.ideal.push(ideal::Extents::new(group));
+            } else {
+                d.rough.push(lobe::Extents::new(group));
+            }
+            if g % LANES == 0 {
+                d.bounds.push(Bounds::NONE);
+            }
+            let bounds = &mut d.bounds[g / LANES];
+            group.iter().for_each(|direction| bounds.include(g % LANES, direction, ideal));
+        }
+        d
+    }
+
+    /// Direction `i`.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Direction {
+        let (g, l) = (i / LANES, i % LANES);
+        Direction {
+            to: [self.x[g][l], self.y[g][l], self.z[g][l]],
+            weight: self.weight[g][l],
+            rough: self.rough.get(g).map_or_else(Default::default, |e| e.get(l)),
+            ideal: self.ideal.get(g).map_or_else(Default::default, |e| e.get(l)),
+        }
+    }
+
+    /// Scale factor of direction `i`.
+    pub fn scale_of(&self, i: usize) -> f32 {
+        self.scale[i / LANES][i % LANES]
+    }
+
+    /// The groups of lanes from `first` on that the lobe of `a` may reach, ascending.
+    #[inline(always)]
+    pub fn reach(&self, a: Direction, first: usize) -> Reach<'_> {
+        let origin = &self.origin;
+        let mut reach = Reach { bounds: &self.bounds, origin, a, next: first / LANES, left: 0 };
+        if let Some(bounds) = self.bounds.get(reach.next) {
+            reach.left = bounds.reached(&a, origin) & (u32::MAX << (first % LANES));
+            reach.next += 1;
+        }
+        reach
+    }
+
+    /// The lobe between `a` and the directions of group `g`: (B in 1/sr, cosine of the angle of
+    /// incidence on the facet). `None` when B is 0 for all.
+    #[inline(always)]
+    pub fn lobe(&self, a: &Direction, g: usize) -> Option<(Lanes, Lanes)> {
+        if self.origin.m2 > 0.0 {
+            lobe::between(a, [&self.x[g], &self.y[g], &self.z[g]], &self.rough[g], self.origin.m2)
+        } else {
+            ideal::between(a, &self.z[g], &self.ideal[g], &self.origin)
+        }
+    }
+
+    /// [`Directions::lobe`] for one direction: (B, cosine).
+    pub fn lobe_at(&self, a: &Direction, i: usize) -> (f32, f32) {
+        match self.lobe(a, i / LANES) {
+            Some((b, cosine)) => (b[i % LANES], cosine[i % LANES]),
+            None => (0.0, 0.0),
+        }
+    }
+}
+
+/// A value of each direction of a group, 0 in the padding.
+pub fn lanes(group: &[Direction], of: impl Fn(&Direction) -> f32) -> Lanes {
+    let mut lanes = [0.0; LANES];
+    for (lane, direction) in lanes.iter_mut().zip(group) {
+        *lane = of(direction);
+    }
+    lanes
+}
