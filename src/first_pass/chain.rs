@@ -4,7 +4,7 @@
 use super::directions::LANES;
 use super::flow::ChainFlow;
 use super::lobe_table::{BAND, Band, LobeTable};
-use super::scatter::{Lobe, Scatter, reflect_all};
+use super::scatter::{Lobe, Scatter, reflect};
 use super::settings::ChainLimits;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
@@ -48,12 +48,13 @@ impl SpecularSet {
             return flow;
         }
         let by_point = interleave(radiance, n, w, bands);
-        let mut sums = vec![0.0f64; n * w];
+        let mut all: State = self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
         let mut state: Option<State> = None;
         let mut start = (zeros(), 0.0f64);
         loop {
-            let bounce = Bounce { set: self, points, radiance: &by_point, state: state.as_ref() };
-            let next = self.bounce(&bounce, &mut sums, &mut flow);
+            let radiance = state.is_none().then_some(&by_point[..]);
+            let bounce = Bounce { set: self, points, radiance, state: state.as_ref() };
+            let next = self.bounce(&bounce);
             flow.bounces += 1;
             let pending = self.pending(points, &next);
             if flow.bounces == 1 {
@@ -64,8 +65,15 @@ impl SpecularSet {
                 add(&mut flow.cut_off, &pending.signed);
                 break;
             }
-            state = Some(self.prune(points, next, limits.eff_min * start.1, &mut flow.cut_off));
+            let next = self.prune(points, next, limits.eff_min * start.1, &mut flow.cut_off);
+            for (all, next) in all.iter_mut().flatten().zip(next.iter().flatten()) {
+                (0..BAND).for_each(|lane| all[lane] += next[lane]);
+            }
+            state = Some(next);
         }
+        let mut sums = vec![0.0f64; n * w];
+        let arrived = Bounce { set: self, points, radiance: Some(&by_point), state: Some(&all) };
+        self.deliver(&arrived, &mut sums, &mut flow);
         for i in 0..n {
             for k in 0..w {
                 flow.irradiance[k * n + i] = sums[i * w + k] as f32;
@@ -74,13 +82,32 @@ impl SpecularSet {
         flow
     }
 
-    /// One bounce of all points: adds to irradiance and flows, returns what goes on to others.
-    fn bounce(&self, bounce: &Bounce, sums: &mut [f64], flow: &mut ChainFlow) -> State {
-        let (w, bands) = (self.wavelengths, self.bands());
+    /// One bounce of all points, as far as specular points see it.
+    fn bounce(&self, bounce: &Bounce) -> State {
+        let bands = self.bands();
         let mut next: State = self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
         for first in (0..self.points.len()).step_by(BLOCK) {
             let block = first..(first + BLOCK).min(self.points.len());
-            let outgoing: Vec<Outgoing> = block.clone().into_par_iter().map(|s| bounce.outgoing(s)).collect();
+            let towards = |s: usize| bounce.outgoing(s, self.points[s].link_groups).radiance;
+            let outgoing: Vec<Vec<Band>> = block.clone().into_par_iter().map(towards).collect();
+            for (s, radiance) in block.zip(&outgoing) {
+                for link in self.points[s].links.iter().filter(|l| l.back != NO_POINT) {
+                    let (from, to) = (link.member as usize * bands, link.back as usize * bands);
+                    next[link.point as usize][to..to + bands].copy_from_slice(&radiance[from..from + bands]);
+                }
+            }
+        }
+        next
+    }
+
+    /// What all the light that ever arrived at specular points becomes: irradiance and flows. Specular points take
+    /// part in every bounce, all others in this one only.
+    fn deliver(&self, bounce: &Bounce, sums: &mut [f64], flow: &mut ChainFlow) {
+        let (w, bands) = (self.wavelengths, self.bands());
+        for first in (0..self.points.len()).step_by(BLOCK) {
+            let block = first..(first + BLOCK).min(self.points.len());
+            let all = |s: usize| bounce.outgoing(s, self.points[s].reflection.groups());
+            let outgoing: Vec<Outgoing> = block.clone().into_par_iter().map(all).collect();
             for (s, out) in block.zip(&outgoing) {
                 let point = &self.points[s];
                 let area = f64::from(bounce.points.area[point.point as usize]);
@@ -103,11 +130,6 @@ impl SpecularSet {
                         }
                     }
                 }
-                for link in point.links.iter().filter(|l| l.back != NO_POINT) {
-                    let (from, to) = (link.member as usize * bands, link.back as usize * bands);
-                    next[link.point as usize][to..to + bands]
-                        .copy_from_slice(&out.radiance[from..from + bands]);
-                }
                 // What a diffuse member inside a solid gets is less than what was sent.
                 if !point.distance.is_empty() {
                     for (k, &member) in point.members.iter().enumerate() {
@@ -122,7 +144,6 @@ impl SpecularSet {
                 }
             }
         }
-        next
     }
 
     /// Whether member `k` is a specular point.
@@ -195,11 +216,13 @@ struct Pending {
     signed: Vec<f64>,
 }
 
-/// The sources of one bounce: diffuse radiance in the first, radiance under way in the others.
+/// The sources of one bounce: diffuse radiance in the first, radiance under way in the others, both to deliver.
 struct Bounce<'a> {
     set: &'a SpecularSet,
     points: &'a SamplePoints,
-    radiance: &'a [Band],
+    /// Diffuse radiance of all points, `[N][bands]`.
+    radiance: Option<&'a [Band]>,
+    /// Radiance under way.
     state: Option<&'a State>,
 }
 
@@ -229,26 +252,43 @@ impl Bounce<'_> {
                 values.push(value);
             }
         };
-        match self.state {
-            None => {
-                for (member, &i) in point.members.iter().enumerate().filter(|(_, i)| **i != NO_POINT) {
-                    push(member, &self.radiance[i as usize * bands..(i as usize + 1) * bands]);
+        let links = || point.links.iter().zip(self.state.map_or(&[][..], |state| &state[s]).chunks(bands));
+        if let Some(radiance) = self.radiance {
+            // Specular points stand first.
+            let linked = point.links.iter().map(|l| l.member as usize + 1).max().unwrap_or(0);
+            let mut light = vec![[0.0; BAND]; linked * bands];
+            for (link, l) in links() {
+                light[link.member as usize * bands..][..bands].copy_from_slice(l);
+            }
+            for (member, &i) in point.members.iter().enumerate().filter(|(_, i)| **i != NO_POINT) {
+                let own = &radiance[i as usize * bands..(i as usize + 1) * bands];
+                if member < linked {
+                    let light = &mut light[member * bands..(member + 1) * bands];
+                    for (light, own) in light.iter_mut().zip(own) {
+                        (0..BAND).for_each(|lane| light[lane] += own[lane]);
+                    }
+                    push(member, light);
+                } else {
+                    push(member, own);
                 }
             }
-            Some(state) => {
-                for (link, l) in point.links.iter().zip(state[s].chunks(bands)) {
-                    push(link.member as usize, l);
-                }
+        } else {
+            for (link, l) in links() {
+                push(link.member as usize, l);
             }
         }
         (members, values, medium)
     }
 
-    /// What `s` sends to its members: reflected from its own side, transmitted from its twin's.
-    fn outgoing(&self, s: usize) -> Outgoing {
+    /// What `s` sends to the members in its first `groups`: reflected from its own side, transmitted from its
+    /// twin's.
+    fn outgoing(&self, s: usize, groups: usize) -> Outgoing {
         let bands = self.set.bands();
         let point = &self.set.points[s];
-        let mut radiance = vec![[0.0; BAND]; point.members.len().next_multiple_of(LANES) * bands];
+        let mut radiance = vec![[0.0; BAND]; groups * LANES * bands];
+        if groups == 0 {
+            return Outgoing { radiance, entered: Vec::new(), medium: Vec::new() };
+        }
         let (members, values, medium) = self.sources(s);
         let area = f64::from(self.points.area[point.point as usize]);
         let mut entered = vec![0.0; self.set.wavelengths];
@@ -260,7 +300,7 @@ impl Bounce<'_> {
         if let Some(material) = self.set.material(point) {
             let table = reflectance(point, material);
             let (lobe, sources) = (Lobe { table, bands }, (&members[..], &values[..]));
-            reflect_all(&point.reflection, sources, lobe, &mut radiance);
+            reflect(&point.reflection, sources, groups, lobe, &mut radiance);
             if let (Some(twin), Some(transmit), Some(to)) =
                 (point.twin, &material.transmit, &point.transmission)
                 && let Some(from) = &self.set.points[twin as usize].transmission
@@ -268,7 +308,8 @@ impl Bounce<'_> {
                 let (members, values, _) = self.sources(twin as usize);
                 let mut through = vec![[0.0; BAND]; radiance.len()];
                 let lobe = Lobe { table: transmit, bands };
-                wide(Scatter { from, sources: (&members, &values), to, lobe, radiance: &mut through });
+                let sources = (&members[..], &values[..]);
+                wide(Scatter { from, sources, to, groups, lobe, radiance: &mut through });
                 // Radiance over n² is what stays the same across the boundary; inside elements
                 // already weigh n² in the normalisation.
                 let n2 = if point.inside { material.n2 } else { 1.0 };

@@ -1,6 +1,7 @@
 //! Directions of what a specular point sees, side by side, and the lobe between any two of them.
 
 use super::{ideal, lobe};
+use std::ops::Range;
 
 /// Directions handled side by side.
 pub const LANES: usize = 8;
@@ -127,6 +128,8 @@ pub struct Reach<'a> {
     /// The bounds looked at, and the bits of them that are left.
     next: usize,
     left: u32,
+    /// The first group that is not asked for.
+    end: usize,
 }
 
 impl Iterator for Reach<'_> {
@@ -140,7 +143,8 @@ impl Iterator for Reach<'_> {
         }
         let lane = self.left.trailing_zeros() as usize;
         self.left &= self.left - 1;
-        Some((self.next - 1) * LANES + lane)
+        let group = (self.next - 1) * LANES + lane;
+        (group < self.end).then_some(group)
     }
 }
 
@@ -194,16 +198,21 @@ impl Directions {
         self.scale[i / LANES][i % LANES]
     }
 
-    /// The groups of lanes from `first` on that the lobe of `a` may reach, ascending.
+    /// The groups of lanes within `range` that the lobe of `a` may reach, ascending.
     #[inline(always)]
-    pub fn reach(&self, a: Direction, first: usize) -> Reach<'_> {
-        let origin = &self.origin;
-        let mut reach = Reach { bounds: &self.bounds, origin, a, next: first / LANES, left: 0 };
+    pub fn reach(&self, a: Direction, range: Range<usize>) -> Reach<'_> {
+        let (origin, end) = (&self.origin, range.end);
+        let mut reach = Reach { bounds: &self.bounds, origin, a, next: range.start / LANES, left: 0, end };
         if let Some(bounds) = self.bounds.get(reach.next) {
-            reach.left = bounds.reached(&a, origin) & (u32::MAX << (first % LANES));
+            reach.left = bounds.reached(&a, origin) & (u32::MAX << (range.start % LANES));
             reach.next += 1;
         }
         reach
+    }
+
+    /// Number of groups.
+    pub fn groups(&self) -> usize {
+        self.x.len()
     }
 
     /// The lobe between `a` and the directions of group `g`: (B in 1/sr, cosine of the angle of

@@ -87,14 +87,16 @@ fn sides([a, b, c, d]: &[Vec3; 4]) -> [Vec3; 2] {
     [0.5 * (*b + *c - *a - *d), 0.5 * (*c + *d - *a - *b)]
 }
 
-/// All that point `i` sees, in the order of directions: points, and openings as members without a point.
+/// All that point `i` sees: first the points that are `linked`, then other points, and openings as members
+/// without a point; each kind in the order of directions. Also the number of those that are linked.
 pub fn members(
     points: &SamplePoints,
     graph: &VisibilityGraph,
     kernel: Kernel,
     tolerance: f32,
     i: usize,
-) -> Vec<Member> {
+    linked: impl Fn(u32) -> bool,
+) -> (Vec<Member>, usize) {
     let analytic = kernel == Kernel::Analytic;
     let frame = Frame::new(points, i);
     let mut members = Vec::new();
@@ -113,8 +115,11 @@ pub fn members(
         members.push(Member { point: j as u32, q_in, q_out, distance: r2.sqrt(), direction });
     }
     add_openings(points, i, &frame, &mut members);
-    strip_order(&mut members, |m| m.direction.to);
-    members
+    members.sort_by_key(|m| !linked(m.point));
+    let first = members.partition_point(|m| linked(m.point));
+    strip_order(&mut members[..first], |m| m.direction.to);
+    strip_order(&mut members[first..], |m| m.direction.to);
+    (members, first)
 }
 
 /// Adds the openings of the hemisphere of `i`.

@@ -35,7 +35,7 @@ impl<'a> Lobes<'a> {
     fn append(&self, l: usize, row: &mut Vec<Entry>) {
         let a = self.from.get(l);
         if a.to[2] > 0.0 {
-            for g in self.to.reach(a, 0) {
+            for g in self.to.reach(a, 0..self.to.groups()) {
                 if let Some((b, _)) = self.to.lobe(&a, g) {
                     row.push((g as u32, b));
                 }

@@ -25,6 +25,8 @@ pub struct Scatter<'a> {
     pub sources: Sources<'a>,
     /// Where it goes.
     pub to: &'a Directions,
+    /// How many groups of these directions, from the first on.
+    pub groups: usize,
     /// How.
     pub lobe: Lobe<'a>,
     /// Towards each k.
@@ -36,14 +38,15 @@ impl HotLoop for Scatter<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Scatter { from, sources: (members, values), to, lobe: Lobe { table, bands }, radiance } = self;
+        let Scatter { from, sources: (members, values), to, groups, lobe: Lobe { table, bands }, radiance } =
+            self;
         for (&member, source) in members.iter().zip(values.chunks(bands)) {
             let a = from.get(member as usize);
             let u = from.gain * from.scale_of(member as usize);
             if a.to[2] <= 0.0 {
                 continue;
             }
-            for g in to.reach(a, 0) {
+            for g in to.reach(a, 0..groups) {
                 let Some((b, cosine)) = to.lobe(&a, g) else { continue };
                 let (slot, f) = table.slots(&cosine);
                 let scale = &to.scale[g];
@@ -65,10 +68,10 @@ impl HotLoop for Scatter<'_> {
 }
 
 /// [`Scatter`] within one set of directions. The lobe is the same both ways, so when most members
-/// send light each pair is computed once for both.
-pub fn reflect_all(members: &Directions, sources: Sources, lobe: Lobe, radiance: &mut [Band]) {
-    if 2 * sources.0.len() < members.len {
-        wide(Scatter { from: members, sources, to: members, lobe, radiance });
+/// send light to all others each pair is computed once for both.
+pub fn reflect(members: &Directions, sources: Sources, groups: usize, lobe: Lobe, radiance: &mut [Band]) {
+    if 2 * sources.0.len() < members.len || groups < members.groups() {
+        wide(Scatter { from: members, sources, to: members, groups, lobe, radiance });
         return;
     }
     let mut light = vec![[0.0; 4]; radiance.len()];
@@ -103,7 +106,7 @@ impl HotLoop for Exchange<'_> {
             let own = l / LANES;
             let source = &light[l * bands..(l + 1) * bands];
             back.fill(Vec4::ZERO);
-            for g in members.reach(a, own) {
+            for g in members.reach(a, own..members.groups()) {
                 let Some((b, cosine)) = members.lobe(&a, g) else { continue };
                 let (slot, f) = table.slots(&cosine);
                 let scale = &members.scale[g];

@@ -1,7 +1,7 @@
 //! Specular points: what each sees, in which directions, and where radiance goes from one to the next.
 
 use super::balance::{Element, balance};
-use super::directions::{Direction, Directions, Origin};
+use super::directions::{Direction, Directions, LANES, Origin};
 use super::lobe_table::{BAND, LobeTable};
 use super::member::{Frame, members, outside};
 use super::normalise::{normalise_reflection, normalise_transmission};
@@ -35,8 +35,11 @@ pub struct SpecularPoint {
     pub material: usize,
     /// Whether it is on the inside of a solid.
     pub inside: bool,
-    /// Sample points seen, [`NO_POINT`] for a black cell; in the order of directions.
+    /// Sample points seen, [`NO_POINT`] for a black cell: specular points first, each kind in the order of
+    /// directions.
     pub members: Vec<u32>,
+    /// Groups of directions that hold specular points.
+    pub link_groups: usize,
     /// q of each member as seen from here.
     pub q_in: Vec<f32>,
     /// q of this element as seen from each member; 0 for a cell.
@@ -149,7 +152,8 @@ impl SpecularSet {
             let twin = (glass && points.twin[i] != NO_POINT)
                 .then(|| chosen.binary_search(&points.twin[i]).ok().map(|t| t as u32))
                 .flatten();
-            let members = members(points, graph, kernel, tolerance, i);
+            let linked = |j: u32| chosen.binary_search(&j).is_ok();
+            let (members, linked) = members(points, graph, kernel, tolerance, i, linked);
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
             let (m2, n2) = materials[material].as_ref().map_or((0.0, 1.0), |m| (m.m2, m.n2));
             let mirror = Origin { m2, side: Frame::new(points, i).side, straight: true };
@@ -170,6 +174,7 @@ impl SpecularSet {
                 material,
                 inside: inside(i),
                 members: members.iter().map(|m| m.point).collect(),
+                link_groups: linked.div_ceil(LANES),
                 q_in: members.iter().map(|m| m.q_in).collect(),
                 q_out: members.iter().map(|m| m.q_out).collect(),
                 distance: if attenuates { members.iter().map(|m| m.distance).collect() } else { Vec::new() },

@@ -65,7 +65,7 @@ impl Cones {
             }
             let a = point.reflection.get(member);
             let mut count = 0;
-            for g in facing.reach(a, 0) {
+            for g in facing.reach(a, 0..facing.groups()) {
                 if let Some((b, _)) = facing.lobe(&a, g) {
                     count += b.iter().filter(|b| **b > 0.0).count() as u32;
                 }
