@@ -96,9 +96,9 @@ impl Bounds {
         } else {
             ([d.to[0], d.to[1]], [d.rough.spread, d.rough.blur, 0.0, 0.0])
         };
-        for axis in 0..2 {
-            self.low[axis][lane] = self.low[axis][lane].min(at[axis]);
-            self.high[axis][lane] = self.high[axis][lane].max(at[axis]);
+        for (axis, at) in at.into_iter().enumerate() {
+            self.low[axis][lane] = self.low[axis][lane].min(at);
+            self.high[axis][lane] = self.high[axis][lane].max(at);
         }
         self.z[lane] = self.z[lane].max(d.to[2]);
         self.depth[lane] = self.depth[lane].max(d.ideal.depth);
