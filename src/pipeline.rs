@@ -50,7 +50,8 @@ pub fn prepare(
         |elements: &[Element]| SamplePoints::new(geometry, elements, voxels.len(), |p| voxels.locate(p));
     let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
-        let (points, graph) = file::load(path, &request, geometry, resample)?;
+        let (points, mut graph) = file::load(path, &request, geometry, resample)?;
+        graph.look_at_lights(geometry, &points, tracer);
         let interpolator = Interpolator::new(geometry, &points, tracer);
         return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
     }

@@ -203,6 +203,7 @@ fn flux_is_shared_by_all_surfaces_and_sides() {
             lamp(Level::LuminousFlux(1.0)),
         ],
         surface_material: vec![MaterialId(0), MaterialId(0), MaterialId(1)],
+        lights: Vec::new(),
     };
     let wavelengths = Wavelengths::meyer4();
     let sampled = appearance.sample(&geometry, &wavelengths, DEFAULT_ENTRIES);

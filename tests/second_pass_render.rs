@@ -132,6 +132,7 @@ impl World {
             wavelengths: wavelengths(),
             materials,
             surface_material: of.iter().map(|m| MaterialId(*m)).collect(),
+            lights: Vec::new(),
         };
         let solution = DiffuseSolution { wavelengths: wavelengths(), radiance, stats: Default::default() };
         World { geometry, points, appearance, solution }

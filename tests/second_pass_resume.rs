@@ -55,6 +55,7 @@ impl World {
                 wavelengths: wavelengths.clone(),
                 materials: vec![material(0.0), material(0.9)],
                 surface_material: vec![MaterialId(0), MaterialId(1)],
+                lights: Vec::new(),
             },
             solution: DiffuseSolution {
                 wavelengths,

@@ -3,6 +3,7 @@
 
 use super::directions::LANES;
 use super::flow::ChainFlow;
+use super::lights::PointLighting;
 use super::lobe_table::{BAND, Band, LobeTable};
 use super::scatter::{Lobe, Scatter, reflect};
 use super::settings::ChainLimits;
@@ -32,6 +33,26 @@ impl SpecularSet {
     /// The irradiance of all points by specular chains that start with the diffuse `radiance`
     /// (`[W][N]`) of all points. Same bits for any number of threads.
     pub fn apply(&self, points: &SamplePoints, radiance: &[f32], limits: &ChainLimits) -> ChainFlow {
+        let by_point = interleave(radiance, points.len(), self.wavelengths, self.bands());
+        self.chains(
+            &Bounce { set: self, points, radiance: Some(&by_point), lights: None, state: None },
+            limits,
+        )
+    }
+
+    /// The same by the chains that start with what point lights bring to specular points.
+    pub fn apply_to_lights(
+        &self,
+        points: &SamplePoints,
+        lights: &PointLighting,
+        limits: &ChainLimits,
+    ) -> ChainFlow {
+        self.chains(&Bounce { set: self, points, radiance: None, lights: Some(lights), state: None }, limits)
+    }
+
+    /// The chains that begin with the `first` bounce.
+    fn chains(&self, first: &Bounce, limits: &ChainLimits) -> ChainFlow {
+        let points = first.points;
         let (n, w, bands) = (points.len(), self.wavelengths, self.bands());
         let zeros = || vec![0.0f64; w];
         let mut flow = ChainFlow {
@@ -47,18 +68,17 @@ impl SpecularSet {
         if self.points.is_empty() || longest == 0 {
             return flow;
         }
-        let by_point = interleave(radiance, n, w, bands);
         let mut all: State = self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
         let mut state: Option<State> = None;
         let mut start = (zeros(), 0.0f64);
         loop {
-            let radiance = state.is_none().then_some(&by_point[..]);
-            let bounce = Bounce { set: self, points, radiance, state: state.as_ref() };
-            let next = self.bounce(&bounce);
+            let under_way = state.as_ref();
+            let onward = Bounce { set: self, points, radiance: None, lights: None, state: under_way };
+            let next = self.bounce(if state.is_none() { first } else { &onward });
             flow.bounces += 1;
             let pending = self.pending(points, &next);
             if flow.bounces == 1 {
-                start = bounce.strength();
+                start = first.strength();
             }
             let worst = relative(&pending.flux, &start.0);
             if flow.bounces >= longest || worst <= limits.tolerance {
@@ -72,7 +92,7 @@ impl SpecularSet {
             state = Some(next);
         }
         let mut sums = vec![0.0f64; n * w];
-        let arrived = Bounce { set: self, points, radiance: Some(&by_point), state: Some(&all) };
+        let arrived = Bounce { state: Some(&all), ..*first };
         self.deliver(&arrived, &mut sums, &mut flow);
         for i in 0..n {
             for k in 0..w {
@@ -216,12 +236,14 @@ struct Pending {
     signed: Vec<f64>,
 }
 
-/// The sources of one bounce: diffuse radiance in the first, radiance under way in the others, both to deliver.
+/// The sources of one bounce: diffuse radiance or point lights in the first, radiance under way in the others, both to deliver.
 struct Bounce<'a> {
     set: &'a SpecularSet,
     points: &'a SamplePoints,
     /// Diffuse radiance of all points, `[N][bands]`.
     radiance: Option<&'a [Band]>,
+    /// What point lights bring.
+    lights: Option<&'a PointLighting>,
     /// Radiance under way.
     state: Option<&'a State>,
 }
@@ -289,13 +311,21 @@ impl Bounce<'_> {
         if groups == 0 {
             return Outgoing { radiance, entered: Vec::new(), medium: Vec::new() };
         }
-        let (members, values, medium) = self.sources(s);
+        let (members, values, mut medium) = self.sources(s);
         let area = f64::from(self.points.area[point.point as usize]);
         let mut entered = vec![0.0; self.set.wavelengths];
         for value in values.chunks(bands) {
             for (c, e) in entered.iter_mut().enumerate() {
                 *e += area * f64::from(value[c / BAND][c % BAND]);
             }
+        }
+        if let Some(lights) = self.lights {
+            let (irradiance, absorbed) = lights.on(s, self.set.wavelengths);
+            for c in 0..self.set.wavelengths {
+                entered[c] += area * irradiance[c];
+                medium[c] += area * absorbed[c];
+            }
+            lights.scatter(self.set, s, groups, &mut radiance);
         }
         if let Some(material) = self.set.material(point) {
             let table = reflectance(point, material);
@@ -329,7 +359,7 @@ impl Bounce<'_> {
         let per_point: Vec<Vec<f64>> = (0..self.set.points.len())
             .into_par_iter()
             .map(|s| {
-                let mut irradiance = vec![0.0; w];
+                let mut irradiance = self.lights.map_or_else(|| vec![0.0; w], |l| l.on(s, w).0);
                 for value in self.sources(s).1.chunks(bands) {
                     for (c, e) in irradiance.iter_mut().enumerate() {
                         *e += f64::from(value[c / BAND][c % BAND]).abs();

@@ -75,6 +75,21 @@ impl Frame {
         }
     }
 
+    /// A place without extent as a direction of point `i`, whose frame this is and which it is in front of; and
+    /// its distance, m.
+    pub fn place(&self, points: &SamplePoints, i: usize, place: Vec3) -> (Direction, f32) {
+        let d = place - points.position[i];
+        let distance = d.length();
+        let to = self.local(d / distance);
+        let direction = Direction {
+            to: to.to_array(),
+            weight: 1.0,
+            rough: lobe::Extent::new(0.0, self.longer_side(points, i) / distance, to.z),
+            ideal: ideal::Extent::new(to, distance * to.z, [Vec3::ZERO; 2], -to, 1.0),
+        };
+        (direction, distance)
+    }
+
     /// The longer of the two mean sides of the element of point `i`, m.
     fn longer_side(&self, points: &SamplePoints, i: usize) -> f32 {
         let [u, v] = sides(&points.corners[i]);

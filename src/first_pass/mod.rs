@@ -12,6 +12,7 @@ pub mod flow;
 pub mod form_factor;
 mod gmres;
 pub mod ideal;
+pub mod lights;
 pub mod lobe;
 pub mod lobe_table;
 pub mod member;
@@ -92,11 +93,13 @@ pub fn solve(
 
     // One more sweep gives the true residual and a solution that is no worse.
     let mut irradiance = system.diffuse.irradiance(&solved.radiance, |_| true);
-    irradiance.iter_mut().zip(&solved.flow.irradiance).for_each(|(e, c)| *e += c);
+    for more in [&solved.flow.irradiance, &system.lights.irradiance] {
+        irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
+    }
     let reflected = system.reflected(&irradiance);
     let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
     let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
-    let emitted = system.flux(&system.emission);
+    let emitted = system.emitted();
     refuse_negative(&mut radiance, &system, settings)?;
 
     // What only the report asks for is not part of the solution's time.
@@ -124,6 +127,7 @@ pub fn solve(
             &system.specular,
             [&system.emission, &system.reflectance, &solved.radiance, &irradiance],
             &solved.flow,
+            &system.lights,
         ),
         rays_cast: 0,
         visibility_calls_without_graph: settings.count_visibility_calls.then(|| {
@@ -173,6 +177,13 @@ fn check_inputs(
     if w == 0 {
         return refuse("a run needs at least one wavelength");
     }
+    if !graph.knows_lights(geometry) {
+        return refuse("it is not known what the point lights reach: let the graph look at them");
+    }
+    let sane = |l: &Vec<f32>| l.len() == w && l.iter().all(|i| (0.0..=f32::MAX).contains(i));
+    if appearance.lights.len() != geometry.lights.len() || !appearance.lights.iter().all(sane) {
+        return refuse("the appearance does not say what each point light gives at every wavelength");
+    }
     appearance.materials.iter().try_for_each(|m| check_material(m, w))
 }
 
@@ -218,7 +229,7 @@ fn check_material(material: &SampledMaterial, w: usize) -> Result<()> {
 fn refuse_negative(radiance: &mut [f32], system: &System, settings: &FirstPassSettings) -> Result<()> {
     let n = system.points.len().max(1);
     let negative: Vec<f32> = radiance.iter().map(|l| l.min(0.0)).collect();
-    let emitted = system.flux(&system.emission);
+    let emitted = system.emitted();
     let whole = system.flux(radiance);
     for (k, negative) in system.flux(&negative).into_iter().enumerate() {
         if !whole[k].is_finite() || negative > (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k])

@@ -1,6 +1,5 @@
 //! Progressive shooting (section 3.3.2; Cohen et al. 1988): the point with most unshot power first.
 
-use super::flow::ChainFlow;
 use super::near::NearPairs;
 use super::settings::FirstPassSettings;
 use super::system::{Solved, System, unfinished};
@@ -12,15 +11,11 @@ use std::f64::consts::PI;
 pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl FnMut(f64)) -> Result<Solved> {
     let (n, w) = (system.points.len(), system.wavelengths());
     let by_source = system.diffuse.near().transposed();
-    let emitted = system.flux(&system.emission);
-    let mut state = Shooting {
-        system,
-        by_source,
-        radiance: system.emission.clone(),
-        unshot: system.emission.clone(),
-        shot: vec![0.0; n * w],
-    };
-    let mut flow = ChainFlow::default();
+    let emitted = system.emitted();
+    let sources = system.sources();
+    let mut state =
+        Shooting { system, by_source, radiance: sources.clone(), unshot: sources, shot: vec![0.0; n * w] };
+    let mut flow = system.light_chains.clone();
     let (mut shots, mut rounds) = (0usize, 0);
     let limit = n.saturating_mul(settings.max_sweeps as usize);
     let chains = !system.specular.points.is_empty();

@@ -70,7 +70,7 @@ pub struct SpecularMaterial {
     /// Absorption coefficient inside a solid, 1/m, `[W]`.
     pub absorption: Vec<f32>,
     /// Directional albedo with F = 1.
-    albedo: AlbedoTable,
+    pub(super) albedo: AlbedoTable,
 }
 
 /// All specular points of a scene.

@@ -2,6 +2,7 @@
 
 use super::diffuse::DiffuseOperator;
 use super::flow::ChainFlow;
+use super::lights::PointLighting;
 use super::specular::SpecularSet;
 use crate::points::SamplePoints;
 use serde::Serialize;
@@ -10,7 +11,7 @@ use std::f64::consts::PI;
 /// Where the emitted flux went, W nm⁻¹, `[W]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FluxBalance {
-    /// π Σ A L^E.
+    /// π Σ A L^E and the flux of point lights.
     pub emitted: Vec<f64>,
     /// Absorbed by surfaces and inside solids.
     pub absorbed: Vec<f64>,
@@ -95,13 +96,14 @@ pub fn over_area(points: &SamplePoints, value: impl Fn(usize) -> f64) -> f64 {
 }
 
 /// Follows the flux through a solution. `emission`, `reflectance` (ρ), `radiance` and `irradiance` of
-/// all points are `[W][N]`; the irradiance includes that of the chains, which are `flow`.
+/// all points are `[W][N]`; the irradiance includes that of `lights` and of the chains, which are `flow`.
 pub fn balance(
     points: &SamplePoints,
     diffuse: &DiffuseOperator,
     specular: &SpecularSet,
     [emission, reflectance, radiance, irradiance]: [&[f32]; 4],
     flow: &ChainFlow,
+    lights: &PointLighting,
 ) -> FluxBalance {
     let n = points.len();
     let w = specular.wavelengths;
@@ -112,7 +114,8 @@ pub fn balance(
     let at = |plane: &[f32], k: usize, i: usize| f64::from(plane[k * n + i]);
     let mut flux = FluxBalance::default();
     for k in 0..w {
-        let emitted = PI * over_area(points, |i| at(emission, k, i));
+        let emitted = PI * over_area(points, |i| at(emission, k, i)) + lights.flux[k];
+        let caught = over_area(points, |i| lights.irradiance.get(k * n + i).map_or(0.0, |&e| e.into()));
         // A specular point turns ρ E back diffusely; what else it got is in the chains' account.
         let kept = over_area(points, |i| {
             let falls = if is_specular[i] { 0.0 } else { at(irradiance, k, i) };
@@ -124,7 +127,7 @@ pub fn balance(
         let cut_off = share(&flow.cut_off);
         // What is cut off never entered the specular point it was going to.
         let absorbed = kept + share(&flow.entered) - share(&flow.left) + share(&flow.medium);
-        let escaped = openings + share(&flow.escaped);
+        let escaped = openings + share(&flow.escaped) + lights.flux[k] - caught;
         let missing = emitted - absorbed - escaped - cut_off;
         flux.emitted.push(emitted);
         flux.absorbed.push(absorbed);

@@ -2,6 +2,7 @@
 
 use super::diffuse::DiffuseOperator;
 use super::flow::ChainFlow;
+use super::lights::PointLighting;
 use super::settings::FirstPassSettings;
 use super::specular::SpecularSet;
 use super::stats::over_area;
@@ -25,6 +26,10 @@ pub struct System<'a> {
     pub specular: SpecularSet,
     /// L^E, `[W][N]`.
     pub emission: Vec<f32>,
+    /// What point lights bring.
+    pub lights: PointLighting,
+    /// The chains that start with it.
+    pub light_chains: ChainFlow,
     /// ρ = d π R^d, `[W][N]`.
     pub reflectance: Vec<f32>,
     /// Whether a point reflects diffusely at any wavelength.
@@ -35,7 +40,7 @@ pub struct System<'a> {
 pub struct Solved {
     /// L^d, `[W][N]`.
     pub radiance: Vec<f32>,
-    /// What the chains that start with it bring.
+    /// What the chains that start with it and with point lights bring.
     pub flow: ChainFlow,
     /// Sweeps done.
     pub sweeps: f64,
@@ -63,12 +68,21 @@ impl<'a> System<'a> {
                 reflectance[k * n + i] = material.diffuse[k];
             }
         }
+        let specular = SpecularSet::new(points, graph, appearance, settings.kernel, tolerance);
+        let lights = PointLighting::new(geometry, points, graph, appearance, &specular);
+        let light_chains = if lights.misses_specular_points() {
+            ChainFlow::default()
+        } else {
+            specular.apply_to_lights(points, &lights, &settings.chain)
+        };
         let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
         System {
             points,
             diffuse: DiffuseOperator::new(points, graph, settings.kernel, tolerance),
-            specular: SpecularSet::new(points, graph, appearance, settings.kernel, tolerance),
+            specular,
             emission,
+            lights,
+            light_chains,
             reflectance,
             reflects,
         }
@@ -92,6 +106,21 @@ impl<'a> System<'a> {
         (0..self.wavelengths()).map(of).collect()
     }
 
+    /// What the exchange between points starts from, `[W][N]`: L^E, and what points reflect of the light
+    /// of point lights, straight and by chains.
+    pub fn sources(&self) -> Vec<f32> {
+        let mut sources = self.emission.clone();
+        for irradiance in [&self.lights.irradiance, &self.light_chains.irradiance] {
+            sources.iter_mut().zip(self.reflected(irradiance)).for_each(|(l, r)| *l += r);
+        }
+        sources
+    }
+
+    /// Flux of surfaces and lights together, W nm⁻¹: `[W]`.
+    pub fn emitted(&self) -> Vec<f64> {
+        self.flux(&self.emission).iter().zip(&self.lights.flux).map(|(e, l)| e + l).collect()
+    }
+
     /// (1 - ρ/π D) x.
     fn diffuse_step(&self, x: &[f32]) -> Vec<f32> {
         let back = self.reflected(&self.diffuse.irradiance(x, |i| self.reflects[i]));
@@ -101,7 +130,7 @@ impl<'a> System<'a> {
     /// Norm of the residual that surely keeps the flux under `tolerance` of what is emitted.
     fn goals(&self, tolerance: f64) -> Vec<f64> {
         let area = over_area(self.points, |_| 1.0);
-        self.flux(&self.emission).iter().map(|f| tolerance * f / (PI * area.sqrt())).collect()
+        self.emitted().iter().map(|f| tolerance * f / (PI * area.sqrt())).collect()
     }
 
     /// The complete iterative solution: GMRES on the whole system, with GMRES on its diffuse part as
@@ -117,14 +146,15 @@ impl<'a> System<'a> {
         let mut sweeps = 0usize;
         let mut flows: Vec<ChainFlow> = Vec::new();
         let goals = self.goals(settings.tolerance);
+        let sources = self.sources();
         let outcome = if self.specular.points.is_empty() {
-            gmres::solve(&self.emission, area, &goals, max_sweeps, |v, excess| {
+            gmres::solve(&sources, area, &goals, max_sweeps, |v, excess| {
                 sweeps += 1;
                 progress(excess);
                 Ok((v.to_vec(), self.diffuse_step(v)))
             })?
         } else {
-            gmres::solve(&self.emission, area, &goals, max_sweeps, |v, excess| {
+            gmres::solve(&sources, area, &goals, max_sweeps, |v, excess| {
                 progress(excess);
                 let inner_goals = vec![INNER; w];
                 let left = max_sweeps.saturating_sub(sweeps);
@@ -145,7 +175,7 @@ impl<'a> System<'a> {
         if outcome.norm.iter().zip(&goals).any(|(norm, goal)| norm > goal || !norm.is_finite()) {
             return Err(unfinished(settings));
         }
-        let mut flow = ChainFlow::default();
+        let mut flow = self.light_chains.clone();
         for (step, share) in flows.iter().zip(&outcome.shares) {
             flow.add_scaled(step, share);
         }

@@ -93,6 +93,8 @@ pub enum Level {
     Luminance(f64),
     /// Luminous flux of all surfaces that wear the material together, lm.
     LuminousFlux(f64),
+    /// Luminous intensity along the normal of all surfaces that wear the material together, cd.
+    LuminousIntensity(f64),
 }
 
 /// `x` within `lo..=hi`; unlike `clamp`, what is not a number becomes `lo`.

@@ -140,7 +140,8 @@ fn radiance(emission: &Emission, wavelengths: &Wavelengths, area: f64) -> Vec<f3
         Level::Radiance(factor) => factor,
         Level::Luminance(luminance) => of_luminance(luminance),
         Level::LuminousFlux(flux) if area > 0.0 => of_luminance(flux / (PI * area)),
-        Level::LuminousFlux(_) => 0.0,
+        Level::LuminousIntensity(intensity) if area > 0.0 => of_luminance(intensity / area),
+        Level::LuminousFlux(_) | Level::LuminousIntensity(_) => 0.0,
     };
     wavelengths.sample_emission(&emission.spectrum).into_iter().map(|s| stored(factor * s)).collect()
 }

@@ -1,8 +1,10 @@
 //! From a description to a scene: all validation happens here.
 
 use super::description::{CameraTable, MaterialTable, Name, SamplingTable};
+use super::emission::of_light;
 use super::materials::Materials;
 use super::parts::{Part, parts};
+use super::places::{self, unique, vector};
 use super::source::Sources;
 use super::spectra::Spectra;
 use super::surfaces::{Shaped, shape};
@@ -32,12 +34,14 @@ pub fn scene(description: &SceneDescription) -> Result<Scene> {
     let both_sides = |part: &Part| {
         document.materials.get(part.material.as_str()).is_some_and(MaterialTable::needs_both_sides)
     };
-    let Shaped { geometry, mut notes } = shape(description, &parts, both_sides)?;
+    let Shaped { mut geometry, mut notes } = shape(description, &parts, both_sides)?;
     let sampling = sampling(&description.sources, &document.sampling, &geometry)?;
+    geometry.lights = places::lights(description, geometry.centre)?;
+    let (sensors, grids) = places::sensors(description)?;
     let cameras = cameras(description)?;
     let appearance = appearance(description, &geometry)?;
     notes.extend(description.meshes.values().flat_map(|m| m.notes.iter().cloned()));
-    Ok(Scene { geometry, appearance, sampling, cameras, notes })
+    Ok(Scene { geometry, appearance, sampling, cameras, sensors, grids, notes })
 }
 
 /// The appearance that `description` gives to `geometry`.
@@ -70,7 +74,11 @@ pub fn appearance(description: &SceneDescription, geometry: &Geometry) -> Result
         // `parts` has checked that the material exists.
         surface_material.push(ids[part.material.as_str()]);
     }
-    Ok(Appearance { materials, surface_material })
+    if document.lights.len() != geometry.lights.len() {
+        return Err(sources.error(0, "this geometry was not compiled with the lights of this scene file"));
+    }
+    let lights = document.lights.iter().map(|l| of_light(sources, &compiler.spectra, l));
+    Ok(Appearance { materials, surface_material, lights: lights.collect::<Result<_>>()? })
 }
 
 /// The key that asks for both sides, if `part` wears a material that does.
@@ -134,21 +142,13 @@ fn cameras(description: &SceneDescription) -> Result<Vec<Camera>> {
     }
     let mut names = BTreeSet::new();
     for camera in cameras {
-        let name = &camera.get_ref().name;
-        if !names.insert(name.get_ref()) {
-            let message = format!("there are two cameras \"{}\"; rename one", name.get_ref());
-            return Err(sources.error(name.span().start, message));
-        }
+        unique(sources, &mut names, &camera.get_ref().name, "cameras")?;
     }
     cameras.iter().map(|c| camera(sources, c.get_ref())).collect()
 }
 
 fn camera(sources: &Sources, table: &CameraTable) -> Result<Camera> {
-    let vector = |at: &Spanned<[f64; 3]>| {
-        let fits = at.get_ref().iter().all(|x| x.abs() <= MAX_COORDINATE);
-        let message = "a camera's coordinates are finite and at most 1e18";
-        if fits { Ok(DVec3::from_array(*at.get_ref())) } else { Err(sources.error(at.span().start, message)) }
-    };
+    let vector = |at: &Spanned<[f64; 3]>| vector(sources, at, "a camera");
     let (position, target) = (vector(&table.position)?, vector(&table.target)?);
     let (up, up_at) = match &table.up {
         Some(up) => (vector(up)?, up.span().start),

@@ -27,6 +27,12 @@ pub struct Document {
     #[serde(default)]
     pub objects: Vec<Spanned<ObjectTable>>,
     #[serde(default)]
+    pub lights: Vec<Spanned<LightTable>>,
+    #[serde(default)]
+    pub sensors: Vec<Spanned<SensorTable>>,
+    #[serde(default)]
+    pub grids: Vec<Spanned<GridTable>>,
+    #[serde(default)]
     pub cameras: Vec<Spanned<CameraTable>>,
 }
 
@@ -39,6 +45,8 @@ pub struct Changes {
     pub spectra: BTreeMap<Name, SpectrumTable>,
     #[serde(default)]
     pub materials: BTreeMap<Name, MaterialTable>,
+    #[serde(default)]
+    pub lights: BTreeMap<Name, LightChanges>,
     #[serde(default)]
     pub assign: BTreeMap<Name, Name>,
 }
@@ -138,6 +146,7 @@ pub struct EmissionTable {
     pub radiance: Option<Spanned<f64>>,
     pub luminance: Option<Spanned<f64>>,
     pub luminous_flux: Option<Spanned<f64>>,
+    pub luminous_intensity: Option<Spanned<f64>>,
 }
 
 /// `[[objects]]`.
@@ -156,6 +165,52 @@ pub struct ObjectTable {
     pub translate: Option<Spanned<[f64; 3]>>,
     #[serde(default)]
     pub materials: BTreeMap<Name, Name>,
+}
+
+/// `[[lights]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightTable {
+    pub name: Name,
+    pub position: Spanned<[f64; 3]>,
+    pub distribution: Option<Name>,
+    pub direction: Option<Spanned<[f64; 3]>>,
+    pub illuminant: Option<Name>,
+    pub spectrum: Option<Spanned<SpectrumRef>>,
+    pub luminous_flux: Option<Spanned<f64>>,
+    pub luminous_intensity: Option<Spanned<f64>>,
+}
+
+/// `[lights.NAME]` in changes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightChanges {
+    pub illuminant: Option<Name>,
+    pub spectrum: Option<Spanned<SpectrumRef>>,
+    pub luminous_flux: Option<Spanned<f64>>,
+    pub luminous_intensity: Option<Spanned<f64>>,
+}
+
+/// `[[sensors]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorTable {
+    pub name: Name,
+    pub position: Spanned<[f64; 3]>,
+    pub normal: Spanned<[f64; 3]>,
+}
+
+/// `[[grids]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GridTable {
+    pub name: Name,
+    pub origin: Spanned<[f64; 3]>,
+    pub u: Spanned<[f64; 3]>,
+    pub v: Spanned<[f64; 3]>,
+    pub counts: Spanned<[u32; 2]>,
+    pub normal: Option<Spanned<[f64; 3]>>,
+    pub offset: Option<Spanned<f64>>,
 }
 
 /// `[[cameras]]`.

@@ -1,6 +1,6 @@
 //! Reading scene files, and changes on top of them.
 
-use super::description::{Changes, Document, FORMAT_VERSION, MaterialTable, Name};
+use super::description::{Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, Name};
 use super::obj::Mesh;
 use super::source::Sources;
 use super::suggest;
@@ -91,8 +91,32 @@ impl SceneDescription {
             description.document.spectra.remove(name.get_ref().as_str());
             description.document.spectra.insert(name, table);
         }
+        for (name, change) in changes.lights {
+            description.change_light(&name, change)?;
+        }
         description.assigned.extend(changes.assign);
         Ok(description)
+    }
+
+    /// Gives the light `name` what `change` says; the keys of one kind exclude each other.
+    fn change_light(&mut self, name: &Name, change: LightChanges) -> Result<()> {
+        let lights = &mut self.document.lights;
+        let Some(at) = lights.iter().position(|l| l.get_ref().name.get_ref() == name.get_ref()) else {
+            let known: Vec<&str> = lights.iter().map(|l| l.get_ref().name.get_ref().as_str()).collect();
+            let message = suggest::unknown("light", name.get_ref(), &known);
+            return Err(self.sources.error(name.span().start, message));
+        };
+        let mut light = lights[at].get_ref().clone();
+        if change.illuminant.is_some() || change.spectrum.is_some() {
+            (light.illuminant, light.spectrum) = (change.illuminant, change.spectrum);
+        }
+        if change.luminous_flux.is_some() || change.luminous_intensity.is_some() {
+            light.luminous_flux = change.luminous_flux;
+            light.luminous_intensity = change.luminous_intensity;
+        }
+        // What is wrong with it from here on is the fault of the change.
+        lights[at] = Spanned::new(name.span(), light);
+        Ok(())
     }
 
     /// The appearance that this description gives to `geometry`, which was compiled from it or

@@ -1,13 +1,12 @@
 //! From `[materials.NAME]` to [`Material`].
 
-use super::description::{
-    EmissionTable, FresnelRef, MaterialTable, Name, PaneTable, SolidTable, SpectrumRef,
-};
+use super::description::{FresnelRef, MaterialTable, Name, PaneTable, SolidTable, SpectrumRef};
+use super::emission::of_material;
 use super::source::Sources;
 use super::spectra::{Spectra, Use, map, range};
 use super::suggest;
 use crate::error::{Error, Result};
-use crate::material::{Body, Emission, Fresnel, Level, Material};
+use crate::material::{Body, Fresnel, Material};
 use crate::spectrum::{Spectrum, library};
 use toml::Spanned;
 
@@ -37,7 +36,8 @@ impl Materials<'_> {
         if table.pane.is_some() || table.solid.is_some() {
             self.refuse_opaque_keys(table)?;
         }
-        let emission = table.emission.as_ref().map(|e| self.emission(e)).transpose()?;
+        let emission = table.emission.as_ref();
+        let emission = emission.map(|e| of_material(self.sources, &self.spectra, e)).transpose()?;
         Ok(Material { name: name.get_ref().clone(), body, emission })
     }
 
@@ -184,44 +184,6 @@ impl Materials<'_> {
             }
         };
         Ok(Body::Solid { n, absorption })
-    }
-
-    fn emission(&self, at: &Spanned<EmissionTable>) -> Result<Emission> {
-        let table = at.get_ref();
-        let (spectrum, place) = match (&table.illuminant, &table.spectrum) {
-            (Some(name), None) => {
-                let spectrum = library::illuminant(name.get_ref()).ok_or_else(|| {
-                    let known = library::illuminant_names();
-                    self.error(name, suggest::unknown("illuminant", name.get_ref(), &known))
-                })?;
-                (spectrum, name.span())
-            }
-            (None, Some(s)) => (self.spectra.get(s, Use::Power)?, s.span()),
-            _ => return Err(self.error(at, "emission has one of `illuminant` and `spectrum`")),
-        };
-        let (value, level): (_, fn(f64) -> Level) = match (
-            &table.radiance,
-            &table.luminance,
-            &table.luminous_flux,
-        ) {
-            (Some(x), None, None) => (x, Level::Radiance),
-            (None, Some(x), None) => (x, Level::Luminance),
-            (None, None, Some(x)) => (x, Level::LuminousFlux),
-            _ => {
-                let message = "emission has one of `radiance` (a factor on the spectrum), `luminance` (cd/m2) \
-                               and `luminous_flux` (lm)";
-                return Err(self.error(at, message));
-            }
-        };
-        if !(0.0..=1e15).contains(value.get_ref()) {
-            return Err(self.error(value, "the amount of light lies in 0 to 1e15"));
-        }
-        let visible = (380..=780).any(|nm| spectrum.at(f64::from(nm)) > 0.0);
-        if !visible && *value.get_ref() > 0.0 {
-            let message = "this spectrum has no power between 380 and 780 nm";
-            return Err(self.sources.error(place.start, message));
-        }
-        Ok(Emission { spectrum, level: level(*value.get_ref()) })
     }
 }
 

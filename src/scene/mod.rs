@@ -4,19 +4,25 @@ mod camera;
 mod compile;
 mod csv;
 mod description;
+mod emission;
+mod light;
 mod load;
 mod materials;
 mod obj;
 mod parts;
+mod places;
 mod sampled;
+mod sensor;
 mod source;
 mod spectra;
 mod suggest;
 mod surfaces;
 
 pub use camera::{Camera, View};
+pub use light::{Distribution, LightLevel, LightSource, PointLight};
 pub use load::{SceneDescription, load, load_with_changes};
 pub use sampled::SampledAppearance;
+pub use sensor::{Grid, Sensor};
 
 use crate::geometry::{Aabb, Surface, SurfaceId};
 use crate::material::Material;
@@ -42,6 +48,10 @@ pub struct Scene {
     pub sampling: Sampling,
     /// Named cameras, in the order of the file; at least one.
     pub cameras: Vec<Camera>,
+    /// Single sensors, in the order of the file.
+    pub sensors: Vec<Sensor>,
+    /// Grids of sensors, in the order of the file.
+    pub grids: Vec<Grid>,
     /// What the loader repaired or ignored, one sentence each.
     pub notes: Vec<String>,
 }
@@ -67,6 +77,8 @@ pub struct Geometry {
     /// Per surface: the largest area of its elements where the scene file sets one for the
     /// object, m²; it takes the place of [`Sampling::max_area`].
     pub max_area: Vec<Option<f64>>,
+    /// Lights without a body. What they give is the appearance's.
+    pub lights: Vec<PointLight>,
 }
 
 impl Geometry {
@@ -86,6 +98,7 @@ impl Geometry {
             object: Vec::with_capacity(shapes.len()),
             objects,
             max_area: vec![None; shapes.len()],
+            lights: Vec::new(),
         };
         for (shape, two_sided, patch, object) in shapes {
             geometry.surfaces.push(Surface::new(match shape {
@@ -119,7 +132,8 @@ impl Geometry {
         1e-6 * self.radius
     }
 
-    /// A hash of all that sampling and visibility depend on.
+    /// A hash of all that sampling and what points see of each other depend on. Lights are no part of
+    /// it: a graph finds out anew what each of them reaches.
     pub fn hash(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         for (surface, two_sided) in self.surfaces.iter().zip(&self.two_sided) {
@@ -141,6 +155,8 @@ pub struct Appearance {
     pub materials: Vec<Material>,
     /// Per surface: its material.
     pub surface_material: Vec<MaterialId>,
+    /// What each of [`Geometry::lights`] gives.
+    pub lights: Vec<LightSource>,
 }
 
 impl Appearance {

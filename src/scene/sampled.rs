@@ -14,6 +14,8 @@ pub struct SampledAppearance {
     pub materials: Vec<SampledMaterial>,
     /// Per surface: its material.
     pub surface_material: Vec<MaterialId>,
+    /// Largest spectral intensity of each of [`Geometry::lights`], W sr⁻¹ nm⁻¹: `[W]` each.
+    pub lights: Vec<Vec<f32>>,
 }
 
 impl SampledAppearance {
@@ -48,6 +50,9 @@ impl Appearance {
                 .collect(),
             wavelengths: wavelengths.clone(),
             surface_material: self.surface_material.clone(),
+            lights: (self.lights.iter().zip(&geometry.lights))
+                .map(|(source, light)| source.sample(&light.distribution, wavelengths))
+                .collect(),
         }
     }
 }

@@ -3,11 +3,13 @@
 mod curve;
 mod emission;
 pub mod library;
+mod melanopic;
 pub mod standard_observer;
 mod table;
 mod wavelengths;
 
 pub use curve::Spectrum;
+pub use melanopic::melanopic_ratio;
 pub use standard_observer::{luminance_of, xyz_of};
 pub use wavelengths::Wavelengths;
 

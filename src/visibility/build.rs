@@ -108,6 +108,7 @@ impl VisibilityGraph {
         let graph = build.edges(observer);
         observer.end();
         let mut graph = graph?;
+        graph.look_at_lights(geometry, points, tracer);
         graph.stats.build_s = start.elapsed().as_secs_f64();
         Ok(graph)
     }
@@ -122,6 +123,7 @@ impl Build<'_> {
             edges: Vec::new(),
             words: Vec::new(),
             key: self.points.key,
+            lights: Default::default(),
             stats: GraphStats::default(),
         };
         let count = edge_index(0, voxels);

@@ -55,7 +55,8 @@ pub fn save(
 }
 
 /// Reads what [`save`] wrote for the same `request`: the points, which `rebuild` makes of their
-/// elements (of `geometry`) as it did for the saved graph, and the graph.
+/// elements (of `geometry`) as it did for the saved graph, and the graph. What point lights reach is
+/// still to be found out ([`VisibilityGraph::look_at_lights`]).
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read; [`Error::Graph`] when it is no graph, damaged, of
@@ -234,7 +235,14 @@ impl Reader<'_> {
         let Ok(stats) = serde_json::from_slice::<GraphStats>(&stats) else {
             return Err(self.damaged("its statistics cannot be read"));
         };
-        let mut graph = VisibilityGraph { starts, edges: Vec::new(), words: bits, key, stats };
+        let mut graph = VisibilityGraph {
+            starts,
+            edges: Vec::new(),
+            words: bits,
+            key,
+            lights: Default::default(),
+            stats,
+        };
         if !graph.place_edges(&kinds) {
             return Err(self.damaged("its edges do not fit its bits"));
         }

@@ -1,5 +1,6 @@
 //! The graph as it is stored and read.
 
+use super::lights::LightSight;
 use super::stats::GraphStats;
 use super::transpose::transpose;
 use crate::points::SamplePoints;
@@ -23,6 +24,7 @@ pub struct VisibilityGraph {
     pub(super) edges: Vec<Edge>,
     pub(super) words: Vec<u32>,
     pub(super) key: [u8; 32],
+    pub(super) lights: LightSight,
     /// How the graph was built.
     pub stats: GraphStats,
 }
@@ -73,6 +75,7 @@ impl VisibilityGraph {
             edges: Vec::with_capacity(voxels * (voxels + 1) / 2),
             words: Vec::new(),
             key: points.key,
+            lights: LightSight::default(),
             stats: GraphStats::default(),
         };
         for b in 0..voxels {

@@ -10,6 +10,7 @@ mod build;
 mod cull;
 pub mod file;
 mod graph;
+mod lights;
 mod pairs;
 mod patch;
 mod stats;

@@ -141,6 +141,7 @@ impl TestScene {
             wavelengths: wavelengths(),
             materials,
             surface_material: quads.iter().map(|q| MaterialId(q.1 as u32)).collect(),
+            lights: Vec::new(),
         };
         TestScene { geometry, points, graph, appearance }
     }
