@@ -46,6 +46,7 @@ pub mod error;
 pub mod first_pass;
 pub mod geometry;
 pub mod material;
+pub mod measure;
 pub mod observer;
 pub mod output;
 pub mod pipeline;

@@ -2,9 +2,10 @@
 
 use crate::error::Result;
 use crate::first_pass::{self, DiffuseSolution};
+use crate::measure::{self, MeasureSettings, Reading};
 use crate::observer::Observer;
 use crate::points::{self, Element, SamplePoints, Sampling};
-use crate::scene::{Appearance, Camera, Geometry, SampledAppearance};
+use crate::scene::{Appearance, Camera, Geometry, SampledAppearance, Sensor};
 use crate::second_pass::{self, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage};
 use crate::settings::Settings;
 use crate::tracers::RayTracer;
@@ -117,4 +118,21 @@ pub fn view(
     observer: &dyn Observer,
 ) -> Result<(SpectralImage, SecondPassStats)> {
     second_pass::render(&lit_scene(geometry, prepared, lit), camera, tracer, settings, observer)
+}
+
+/// Diffuse radiance -> spectral irradiance of sensors.
+///
+/// # Errors
+/// Those of [`measure::measure`].
+pub fn measure(
+    geometry: &Geometry,
+    prepared: &Prepared,
+    lit: &(SampledAppearance, DiffuseSolution),
+    sensors: &[Sensor],
+    tracer: &dyn RayTracer,
+    settings: &MeasureSettings,
+    observer: &dyn Observer,
+) -> Result<Vec<Reading>> {
+    let scene = lit_scene(geometry, prepared, lit);
+    measure::measure(&scene, &prepared.points, tracer, sensors, settings, observer)
 }

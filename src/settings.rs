@@ -2,6 +2,7 @@
 
 use crate::first_pass::{FirstPassSettings, Kernel};
 use crate::material::{DEFAULT_ENTRIES, PAPER_ENTRIES};
+use crate::measure::MeasureSettings;
 use crate::second_pass::SecondPassSettings;
 use crate::spectrum::Wavelengths;
 use crate::tracers::TracerChoice;
@@ -25,6 +26,8 @@ pub struct Settings {
     pub first_pass: FirstPassSettings,
     /// Second pass.
     pub second_pass: SecondPassSettings,
+    /// Sensors.
+    pub measure: MeasureSettings,
 }
 
 /// Named points on the way from fast to careful.
@@ -51,6 +54,7 @@ impl Settings {
             fresnel_entries: DEFAULT_ENTRIES,
             first_pass: FirstPassSettings::default(),
             second_pass: SecondPassSettings::default(),
+            measure: MeasureSettings::default(),
         };
         match quality {
             Quality::Draft => {

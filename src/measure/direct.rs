@@ -1,0 +1,115 @@
+//! Light that comes straight from emitting surfaces and point lights.
+
+use super::cell::{Cell, sides};
+use super::place::Place;
+use super::settings::MeasureSettings;
+use crate::geometry::SurfaceId;
+use crate::scene::SampledAppearance;
+use crate::second_pass::LitScene;
+use crate::tracers::{RayTracer, Segment};
+use glam::Vec3;
+
+/// Cells of an emitter wider than this are divided before anything is asked, rad: with [`RAYS`] rays
+/// along each way nothing broader than 2 degrees can slip between.
+const WIDEST: f64 = 0.15;
+/// Rays along either way of a cell.
+const RAYS: usize = 3;
+/// No cell is divided more often.
+const DEEPEST: u8 = 12;
+
+/// All emitters of a scene.
+pub(super) struct Direct<'a> {
+    scene: &'a LitScene<'a>,
+    tracer: &'a dyn RayTracer,
+    tolerance: f64,
+    emitters: Vec<Cell>,
+}
+
+impl<'a> Direct<'a> {
+    /// The emitting sides of all surfaces.
+    pub fn new(scene: &'a LitScene, tracer: &'a dyn RayTracer, settings: &MeasureSettings) -> Self {
+        let emitters = (0..scene.geometry.surfaces.len() as u32)
+            .map(SurfaceId)
+            .filter(|&s| emits(scene.appearance, s))
+            .flat_map(|s| sides(scene.geometry, s).map(move |side| Cell::whole(scene.geometry, s, side)))
+            .collect();
+        Direct { scene, tracer, tolerance: settings.shadow_tolerance, emitters }
+    }
+
+    /// E, `[W]`.
+    pub fn at(&self, place: &Place) -> Vec<f64> {
+        let mut irradiance = vec![0.0; self.scene.appearance.wavelengths.len()];
+        for emitter in self.emitters.iter().filter(|e| e.faces(self.scene.geometry, place)) {
+            let seen = self.seen(place, emitter);
+            let emission = &self.scene.appearance.of(emitter.surface).emission;
+            irradiance.iter_mut().zip(emission).for_each(|(e, l)| *e += seen * f64::from(*l));
+        }
+        for (light, intensity) in self.scene.geometry.lights.iter().zip(&self.scene.appearance.lights) {
+            let to_light = light.position - place.position;
+            let (distance2, height) = (to_light.length_squared(), place.height(light.position));
+            if height > 0.0 && !self.blocked(&[place.segment(light.position.as_vec3())])[0] {
+                let distance = distance2.sqrt();
+                let share =
+                    light.distribution.towards(-to_light / distance) * height / (distance * distance2);
+                irradiance.iter_mut().zip(intensity).for_each(|(e, i)| *e += share * f64::from(*i));
+            }
+        }
+        irradiance
+    }
+
+    fn blocked(&self, segments: &[Segment]) -> Vec<bool> {
+        let mut blocked = vec![false; segments.len()];
+        self.tracer.occluded_batch(segments, &mut blocked);
+        blocked
+    }
+
+    /// Projected solid angle of what is seen of an emitter, sr: all rays at once, one level of
+    /// division after the other.
+    fn seen(&self, place: &Place, emitter: &Cell) -> f64 {
+        let least = self.tolerance * emitter.factor(place);
+        let mut level = vec![*emitter];
+        let mut seen = 0.0;
+        while !level.is_empty() {
+            let mut next = Vec::new();
+            let mut asked: Vec<(Cell, f64, usize)> = Vec::new();
+            let mut segments = Vec::new();
+            for cell in level {
+                let factor = cell.factor(place);
+                if factor <= 0.0 {
+                    continue;
+                }
+                if cell.depth < DEEPEST && factor > least && cell.extent(place) > WIDEST {
+                    next.extend(cell.divide());
+                    continue;
+                }
+                let first = segments.len();
+                segments.extend(
+                    aims(&cell).filter(|&p| place.height(p.as_dvec3()) > 0.0).map(|p| place.segment(p)),
+                );
+                asked.push((cell, factor, first));
+            }
+            let blocked = self.blocked(&segments);
+            for (at, (cell, factor, first)) in asked.iter().enumerate() {
+                let end = asked.get(at + 1).map_or(blocked.len(), |next| next.2);
+                let open = blocked[*first..end].iter().filter(|b| !**b).count();
+                if open > 0 && open < end - first && *factor > least && cell.depth < DEEPEST {
+                    next.extend(cell.divide());
+                } else if open > 0 {
+                    seen += factor * open as f64 / (end - first) as f64;
+                }
+            }
+            level = next;
+        }
+        seen
+    }
+}
+
+/// Where rays go in a cell.
+fn aims(cell: &Cell) -> impl Iterator<Item = Vec3> + '_ {
+    let at = |k: usize| (k as f32 + 0.5) / RAYS as f32;
+    (0..RAYS * RAYS).map(move |k| cell.at(at(k % RAYS), at(k / RAYS)))
+}
+
+fn emits(appearance: &SampledAppearance, surface: SurfaceId) -> bool {
+    appearance.of(surface).emission.iter().any(|&l| l > 0.0)
+}
