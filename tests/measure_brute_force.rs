@@ -1,7 +1,7 @@
 //! Do sensors in the furnished room read what a dense hemisphere of rays reads?
 
 use glam::DVec3;
-use luxgraph::geometry::{Ray, Side};
+use luxgraph::geometry::{Ray, Side, SurfaceId};
 use luxgraph::measure::{Illuminance, Reading};
 use luxgraph::observer::Silent;
 use luxgraph::scene::Sensor;
@@ -11,16 +11,18 @@ use luxgraph::tracers::RayTracer;
 use luxgraph::{pipeline, scene, tracers};
 
 /// Rays along either axis of the disc onto which the hemisphere is projected.
-const RAYS: usize = 700;
+const RAYS: usize = 1000;
+/// Pieces along either edge of an emitter.
+const PIECES: usize = 300;
 
-/// E of the emitted and of the diffusely reflected radiance: rays in equal shares of the projected solid
-/// angle (Nusselt's disc), each bringing what the first pass has where it hits.
-fn brute_force(scene: &LitScene, tracer: &dyn RayTracer, sensor: &Sensor) -> (Vec<f64>, Vec<f64>) {
+/// E of the diffusely reflected radiance: rays in equal shares of the projected solid angle (Nusselt's
+/// disc), each bringing what the first pass has where it hits.
+fn reflected(scene: &LitScene, tracer: &dyn RayTracer, sensor: &Sensor) -> Vec<f64> {
     let w = scene.appearance.wavelengths.len();
     let field = scene.interpolator.field(scene.solution);
     let (x, y) = sensor.normal.any_orthonormal_pair();
-    let origin = sensor.position - scene.geometry.centre + 1e-5 * sensor.normal;
-    let (mut emitted, mut reflected, mut radiance) = (vec![0.0; w], vec![0.0; w], vec![0.0; w]);
+    let origin = origin(scene, sensor);
+    let (mut reflected, mut radiance) = (vec![0.0; w], vec![0.0; w]);
     let share = 4.0 / (RAYS * RAYS) as f64;
     let mut rays = Vec::new();
     for k in 0..RAYS * RAYS {
@@ -42,11 +44,40 @@ fn brute_force(scene: &LitScene, tracer: &dyn RayTracer, sensor: &Sensor) -> (Ve
         field.radiance(hit.surface, hit.side, ray.at(hit.t), &mut radiance);
         let emission = &scene.appearance.of(hit.surface).emission;
         for k in 0..w {
-            emitted[k] += share * f64::from(emission[k]);
             reflected[k] += share * f64::from(radiance[k] - emission[k]);
         }
     }
-    (emitted, reflected)
+    reflected
+}
+
+/// E of the emitted radiance: emitters in small pieces, a shadow ray to each.
+fn emitted(scene: &LitScene, tracer: &dyn RayTracer, sensor: &Sensor) -> Vec<f64> {
+    let mut emitted = vec![0.0; scene.appearance.wavelengths.len()];
+    let origin = origin(scene, sensor);
+    for (i, surface) in scene.geometry.surfaces.iter().enumerate() {
+        let emission = &scene.appearance.of(SurfaceId(i as u32)).emission;
+        if emission.iter().all(|&l| l == 0.0) {
+            continue;
+        }
+        let share = surface.area / (PIECES * PIECES) as f64;
+        for k in 0..PIECES * PIECES {
+            let at = |i: usize| (i as f64 + 0.5) / PIECES as f64;
+            let place = surface.point_at(at(k % PIECES), at(k / PIECES)) + 1e-5 * surface.normal;
+            let way = place - origin;
+            let cosines = sensor.normal.dot(way).max(0.0) * surface.normal.dot(-way).max(0.0);
+            if cosines > 0.0
+                && tracer.closest(&Ray { origin, direction: way, t_min: 0.0, t_max: 1.0 }).is_none()
+            {
+                let factor = share * cosines / way.length_squared().powi(2);
+                emitted.iter_mut().zip(emission).for_each(|(e, l)| *e += factor * f64::from(*l));
+            }
+        }
+    }
+    emitted
+}
+
+fn origin(scene: &LitScene, sensor: &Sensor) -> DVec3 {
+    sensor.position - scene.geometry.centre + 1e-5 * sensor.normal
 }
 
 #[test]
@@ -79,7 +110,8 @@ fn sensors_agree_with_a_dense_hemisphere_of_rays() {
     let read = pipeline::measure(geometry, &prepared, &lit, &sensors, tracer, &settings.measure, &Silent);
     let mut worst = 0.0f64;
     for (sensor, Reading { direct, diffuse, .. }) in sensors.iter().zip(read.expect("measured")) {
-        let (emitted, reflected) = brute_force(&lit_scene, tracer, sensor);
+        let (emitted, reflected) =
+            (emitted(&lit_scene, tracer, sensor), reflected(&lit_scene, tracer, sensor));
         let lux = |e: &[f64]| Illuminance::of(e, &lit.0.wavelengths).illuminance_lx;
         let (found, expected) = (lux(&direct) + lux(&diffuse), lux(&emitted) + lux(&reflected));
         println!(

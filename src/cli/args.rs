@@ -19,6 +19,8 @@ pub enum Command {
     Render(Render),
     /// Render many appearances over one visibility graph: the first pass casts no ray
     Relight(Relight),
+    /// Measure illuminance and melanopic EDI at the sensors and grids of a scene
+    Measure(Measure),
     /// Put the ray tracers side by side, with an exact judge on every disagreement
     Crosscheck(Crosscheck),
     /// Tell what this build has and what a scene consists of and requires
@@ -66,30 +68,28 @@ pub struct Relight {
     pub options: Options,
 }
 
-/// Options common to `render` and `relight`.
+/// `measure`
 #[derive(Debug, Args)]
-pub struct Options {
-    /// Camera of the scene file [default: its first]
-    #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
-    /// Width and height of the image in pixels [default: the camera's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub size: Option<[u32; 2]>,
+pub struct Measure {
+    /// Scene file with `[[sensors]]` or `[[grids]]` (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Table of all readings, spectral ones included
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: Option<PathBuf>,
+    /// Change the scene's materials and lights first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// Options of the light.
+    #[command(flatten)]
+    pub lighting: Lighting,
+}
+
+/// Options of all commands that compute light.
+#[derive(Debug, Args)]
+pub struct Lighting {
     /// Preset that the other options then change
     #[arg(long, value_enum, default_value_t = QualityArg::Standard)]
     pub quality: QualityArg,
-    /// Where the second pass takes the diffuse light at a hit from
-    #[arg(long, value_enum, default_value_t = SecondPassArg::Interpolate)]
-    pub second_pass: SecondPassArg,
-    /// Show the first pass alone (the paper's figures 7 and 8) or both (figure 9)
-    #[arg(long, value_enum, default_value_t = PassesArg::Both)]
-    pub passes: PassesArg,
-    /// Samples a pixel [default: the preset's, 16 in standard]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
-    pub samples: Option<u32>,
-    /// Seed of the second pass
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u32,
     /// meyer4, or how many equal bands from 380 to 780 nm [default: the preset's, meyer4 in standard]
     #[arg(long, value_name = "meyer4|N")]
     pub wavelengths: Option<String>,
@@ -117,15 +117,41 @@ pub struct Options {
     /// Keep the visibility graph: read it from this file if it exists, write it if not
     #[arg(long, value_name = "FILE")]
     pub graph: Option<PathBuf>,
+    /// Write what was done, with times and counts, as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// Options common to `render` and `relight`.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Camera of the scene file [default: its first]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height of the image in pixels [default: the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Options of the light.
+    #[command(flatten)]
+    pub lighting: Lighting,
+    /// Where the second pass takes the diffuse light at a hit from
+    #[arg(long, value_enum, default_value_t = SecondPassArg::Interpolate)]
+    pub second_pass: SecondPassArg,
+    /// Show the first pass alone (the paper's figures 7 and 8) or both (figure 9)
+    #[arg(long, value_enum, default_value_t = PassesArg::Both)]
+    pub passes: PassesArg,
+    /// Samples a pixel [default: the preset's, 16 in standard]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub samples: Option<u32>,
+    /// Seed of the second pass
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
     /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
     #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
     pub exposure: String,
     /// Add the spectral channels and CIE XYZ to the EXR
     #[arg(long)]
     pub spectral: bool,
-    /// Write what was done, with times and counts, as JSON
-    #[arg(long, value_name = "OUT.json")]
-    pub report: Option<PathBuf>,
 }
 
 /// `crosscheck`

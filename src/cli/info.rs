@@ -72,13 +72,6 @@ pub fn run(args: &Info) -> Result<()> {
     Ok(())
 }
 
-fn is_specular(material: &Material) -> bool {
-    match material.body {
-        Body::Opaque { s, .. } => s > 0.0,
-        Body::Pane { .. } | Body::Solid { .. } => true,
-    }
-}
-
 fn kind(material: &Material) -> &'static str {
     match material.body {
         Body::Opaque { s: 0.0, .. } => "diffuse",
@@ -111,7 +104,7 @@ fn contents(scene: &Scene) -> Contents {
     let worn =
         || scene.appearance.materials.iter().filter(|m| materials.iter().any(|line| line.name == m.name));
     let glass = worn().any(|m| matches!(m.body, Body::Pane { .. } | Body::Solid { .. }));
-    let specular = worn().any(is_specular);
+    let specular = worn().any(Material::is_specular);
     let (mut requires, mut left_out) = (vec!["diffuse exchange"], Vec::new());
     if specular { &mut requires } else { &mut left_out }.push("specular chains");
     if glass { &mut requires } else { &mut left_out }.push("transmission");
@@ -125,7 +118,7 @@ fn contents(scene: &Scene) -> Contents {
         area_m2: geometry.surfaces.iter().map(|s| s.area).sum(),
         points: points_on.iter().sum(),
         specular_points: worn()
-            .filter(|m| is_specular(m))
+            .filter(|m| m.is_specular())
             .flat_map(|m| materials.iter().filter(|line| line.name == m.name))
             .map(|line| line.points)
             .sum(),

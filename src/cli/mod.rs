@@ -4,6 +4,7 @@ pub mod args;
 mod bench;
 mod crosscheck;
 mod info;
+mod measure;
 mod progress;
 mod relight;
 mod render;
@@ -15,8 +16,9 @@ use luxgraph::error::{Error, Result};
 /// Carries out one command line.
 pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
-        Command::Render(args) => with_threads(args.options.threads, || render::run(&args)),
-        Command::Relight(args) => with_threads(args.options.threads, || relight::run(&args)),
+        Command::Render(args) => with_threads(args.options.lighting.threads, || render::run(&args)),
+        Command::Relight(args) => with_threads(args.options.lighting.threads, || relight::run(&args)),
+        Command::Measure(args) => with_threads(args.lighting.threads, || measure::run(&args)),
         Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),
         Command::Info(args) => info::run(&args),
         Command::Bench(args) => match &args.what {

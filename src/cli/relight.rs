@@ -37,14 +37,14 @@ pub fn run(args: &Relight) -> Result<()> {
         .map(|stem| Targets {
             exr: args.output.join(format!("{stem}.exr")),
             png: args.output.join(format!("{stem}.png")),
-            report: options.report.as_ref().map(|path| numbered(path, stem, stems.len())),
+            report: options.lighting.report.as_ref().map(|path| numbered(path, stem, stems.len())),
         })
         .collect();
-    let inputs = inputs(&args.scene, &args.changes, options);
+    let inputs = inputs(&args.scene, &args.changes, &options.lighting);
     targets.iter().try_for_each(|t| t.check(&inputs))?;
 
     let bars = Bars::new();
-    let (tracer, prepared) = prepare(&scene, &settings, options.graph.as_deref(), &bars)?;
+    let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
     for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
         println!("{}:", path.display());
         let scene = Scene { appearance, ..scene.clone() };

@@ -19,13 +19,13 @@ pub fn run(args: &Render) -> Result<()> {
         Path::new(args.scene.file_stem().unwrap_or("image".as_ref())).with_extension("exr")
     });
     let png = args.preview.clone().unwrap_or_else(|| exr.with_extension("png"));
-    let targets = Targets { exr, png, report: options.report.clone() };
-    targets.check(&inputs(&args.scene, &args.changes, options))?;
+    let targets = Targets { exr, png, report: options.lighting.report.clone() };
+    targets.check(&inputs(&args.scene, &args.changes, &options.lighting))?;
 
     let scene = scene::load_with_changes(&args.scene, &args.changes)?;
     let camera = camera(&scene, options)?;
     let bars = Bars::new();
-    let (tracer, prepared) = prepare(&scene, &settings, options.graph.as_deref(), &bars)?;
+    let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
     let sources =
         std::iter::once(&args.scene).chain(&args.changes).map(|p| p.display().to_string()).collect();
     let job = Job {

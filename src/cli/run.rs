@@ -1,6 +1,6 @@
 //! What `render` and `relight` share: options to settings, one lit appearance to files.
 
-use super::args::{KernelArg, Options, PassesArg, QualityArg, SolverArg, TracerArg};
+use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SolverArg, TracerArg};
 use luxgraph::error::{Error, Result};
 use luxgraph::first_pass::{DiffuseSolution, Kernel, Solver};
 use luxgraph::observer::Observer;
@@ -26,8 +26,22 @@ pub fn tracer_choice(arg: TracerArg) -> TracerChoice {
     }
 }
 
-/// Settings of a run: the preset, then what was asked for.
+/// Settings of an image: the preset, then what was asked for.
 pub fn settings(options: &Options) -> Result<Settings> {
+    let mut settings = lighting_settings(&options.lighting)?;
+    settings.second_pass.seed = options.seed;
+    if let Some(samples) = options.samples {
+        settings.second_pass.samples = samples;
+    }
+    settings.second_pass.passes = match options.passes {
+        PassesArg::First => Passes::FirstPassOnly,
+        PassesArg::Both => Passes::Both,
+    };
+    Ok(settings)
+}
+
+/// Settings of the light: the preset, then what was asked for.
+pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
     let mut settings = Settings::preset(match options.quality {
         QualityArg::Draft => Quality::Draft,
         QualityArg::Paper => Quality::Paper,
@@ -66,14 +80,6 @@ pub fn settings(options: &Options) -> Result<Settings> {
         }
         first.chain.eff_min = eff_min;
     }
-    settings.second_pass.seed = options.seed;
-    if let Some(samples) = options.samples {
-        settings.second_pass.samples = samples;
-    }
-    settings.second_pass.passes = match options.passes {
-        PassesArg::First => Passes::FirstPassOnly,
-        PassesArg::Both => Passes::Both,
-    };
     Ok(settings)
 }
 
@@ -108,7 +114,7 @@ pub fn camera(scene: &Scene, options: &Options) -> Result<Camera> {
 }
 
 /// Files that a run reads and must not overwrite.
-pub fn inputs<'a>(scene: &'a Path, changes: &'a [PathBuf], options: &'a Options) -> Vec<&'a Path> {
+pub fn inputs<'a>(scene: &'a Path, changes: &'a [PathBuf], options: &'a Lighting) -> Vec<&'a Path> {
     std::iter::once(scene).chain(changes.iter().chain(&options.graph).map(PathBuf::as_path)).collect()
 }
 
@@ -123,44 +129,45 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// Fails now rather than after the work when a folder is missing or read-only, or a name cannot serve:
-    /// it is a folder's, one of the `inputs` has it, or another target.
+    /// [`check_outputs`] of all of them.
     pub fn check(&self, inputs: &[&Path]) -> Result<()> {
-        let paths = [Some(&self.exr), Some(&self.png), self.report.as_ref()];
-        let paths: Vec<&Path> = paths.into_iter().flatten().map(PathBuf::as_path).collect();
-        for (i, &path) in paths.iter().enumerate() {
-            if inputs.iter().any(|input| same_file(input, path)) {
-                return Err(Error::Settings(format!(
-                    "{}: this would be overwritten, but it is read; name another output",
-                    path.display()
-                )));
-            }
-            if paths[..i].iter().any(|other| same_file(other, path)) {
-                return Err(Error::Settings(format!(
-                    "{}: two outputs would have this name; name the image OUT.exr, and other files otherwise",
-                    path.display()
-                )));
-            }
-            let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            if !parent.is_dir() {
-                return Err(Error::io(
-                    path,
-                    format!("there is no folder {}; make it first", parent.display()),
-                ));
-            }
-            if path.is_dir() {
-                return Err(Error::io(path, "this is a folder; name a file"));
-            }
-            let trial = parent.join(format!(".luxgraph-{}", std::process::id()));
-            match File::create_new(&trial).and_then(|_| std::fs::remove_file(&trial)) {
-                Err(e) if e.kind() != ErrorKind::AlreadyExists => {
-                    return Err(Error::io(path, format!("the folder cannot be written to: {e}")));
-                }
-                _ => {}
-            }
-        }
-        Ok(())
+        check_outputs(&[Some(&self.exr), Some(&self.png), self.report.as_ref()], inputs)
     }
+}
+
+/// Fails now rather than after the work when a folder is missing or read-only, or a name cannot serve:
+/// it is a folder's, one of the `inputs` has it, or another output.
+pub fn check_outputs(outputs: &[Option<&PathBuf>], inputs: &[&Path]) -> Result<()> {
+    let paths: Vec<&Path> = outputs.iter().copied().flatten().map(PathBuf::as_path).collect();
+    for (i, &path) in paths.iter().enumerate() {
+        if inputs.iter().any(|input| same_file(input, path)) {
+            return Err(Error::Settings(format!(
+                "{}: this would be overwritten, but it is read; name another output",
+                path.display()
+            )));
+        }
+        if paths[..i].iter().any(|other| same_file(other, path)) {
+            return Err(Error::Settings(format!(
+                "{}: two outputs would have this name; name an image OUT.exr, and other files otherwise",
+                path.display()
+            )));
+        }
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !parent.is_dir() {
+            return Err(Error::io(path, format!("there is no folder {}; make it first", parent.display())));
+        }
+        if path.is_dir() {
+            return Err(Error::io(path, "this is a folder; name a file"));
+        }
+        let trial = parent.join(format!(".luxgraph-{}", std::process::id()));
+        match File::create_new(&trial).and_then(|_| std::fs::remove_file(&trial)) {
+            Err(e) if e.kind() != ErrorKind::AlreadyExists => {
+                return Err(Error::io(path, format!("the folder cannot be written to: {e}")));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// Whether two paths name one file, which need not exist.

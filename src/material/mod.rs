@@ -24,6 +24,16 @@ pub struct Material {
     pub emission: Option<Emission>,
 }
 
+impl Material {
+    /// Whether its surfaces reflect or transmit specularly.
+    pub fn is_specular(&self) -> bool {
+        match self.body {
+            Body::Opaque { s, .. } => s > 0.0,
+            Body::Pane { .. } | Body::Solid { .. } => true,
+        }
+    }
+}
+
 /// What a material does with the light that falls on it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {

@@ -35,6 +35,13 @@ impl Cell {
         self.at(0.5, 0.5)
     }
 
+    /// The `k`th of a sequence of places that spread evenly over cells and within each (M. Roberts's
+    /// additive sequence by the plastic number).
+    pub fn spread(&self, k: usize) -> Vec3 {
+        let at = |step: f64| (0.5 + step * k as f64).fract() as f32;
+        self.at(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
+    }
+
     /// Four pieces.
     pub fn divide(&self) -> [Cell; 4] {
         let at = |u: u8, v: u8| self.at(0.5 * f32::from(u), 0.5 * f32::from(v));

@@ -6,6 +6,7 @@ use super::settings::MeasureSettings;
 use crate::points::SamplePoints;
 use crate::second_pass::{DiffuseField, LitScene};
 use crate::tracers::RayTracer;
+use glam::Vec3;
 
 /// No element is divided more often.
 const DEEPEST: u8 = 10;
@@ -54,19 +55,16 @@ impl<'a> Diffuse<'a> {
                 }
             }
         }
-        let segments: Vec<_> = cells.iter().map(|cell| place.segment(cell.centre())).collect();
+        // Not all in the middle: along an edge that hides rows of cells, middles fall on one side together.
+        let aims: Vec<Vec3> = cells.iter().enumerate().map(|(k, cell)| cell.spread(k)).collect();
+        let segments: Vec<_> = aims.iter().map(|&aim| place.segment(aim)).collect();
         let mut blocked = vec![false; cells.len()];
         self.tracer.occluded_batch(&segments, &mut blocked);
         let w = self.scene.appearance.wavelengths.len();
         let (mut irradiance, mut radiance) = (vec![0.0; w], vec![0.0f32; w]);
-        for (cell, _) in cells.iter().zip(blocked).filter(|(_, blocked)| !blocked) {
+        for ((cell, aim), _) in cells.iter().zip(aims).zip(blocked).filter(|(_, blocked)| !blocked) {
             let factor = cell.factor(place);
-            self.field.radiance(
-                cell.surface,
-                cell.side,
-                on_surface(geometry, cell, cell.centre()),
-                &mut radiance,
-            );
+            self.field.radiance(cell.surface, cell.side, on_surface(geometry, cell, aim), &mut radiance);
             let emission = &self.scene.appearance.of(cell.surface).emission;
             for ((sum, l), e) in irradiance.iter_mut().zip(&radiance).zip(emission) {
                 *sum += factor * f64::from((l - e).max(0.0));

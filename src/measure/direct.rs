@@ -10,8 +10,8 @@ use crate::tracers::{RayTracer, Segment};
 use glam::Vec3;
 
 /// Cells of an emitter wider than this are divided before anything is asked, rad: with [`RAYS`] rays
-/// along each way nothing broader than 2 degrees can slip between.
-const WIDEST: f64 = 0.15;
+/// along each way nothing broader than 0.6 degrees can slip between.
+const WIDEST: f64 = 0.03;
 /// Rays along either way of a cell.
 const RAYS: usize = 3;
 /// No cell is divided more often.

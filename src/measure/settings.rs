@@ -16,7 +16,7 @@ pub struct MeasureSettings {
 
 impl Default for MeasureSettings {
     fn default() -> Self {
-        MeasureSettings { shadow_tolerance: 1e-3, max_solid_angle: 0.003, specular_rays: 4096 }
+        MeasureSettings { shadow_tolerance: 1e-3, max_solid_angle: 0.001, specular_rays: 4096 }
     }
 }
 
