@@ -7,6 +7,7 @@ mod feet;
 pub mod interpolate;
 mod lattice;
 mod lobe;
+mod probe;
 mod render;
 mod scatter;
 mod settings;
@@ -15,6 +16,7 @@ mod wave;
 
 pub use checkpoint::Checkpoint;
 pub use interpolate::{DiffuseField, Interpolator};
+pub(crate) use probe::Probe;
 pub use render::{LitScene, render, render_with_checkpoint};
 pub use settings::{Passes, SecondPassSettings, SecondPassStats};
 

@@ -1,0 +1,76 @@
+//! Specular light along rays that no camera sent.
+
+use super::interpolate::DiffuseField;
+use super::render::LitScene;
+use super::scatter::{Film, Scatterer};
+use super::settings::{Passes, SecondPassSettings};
+use super::wave::{NO_MEDIUM, Path, Wave};
+use crate::geometry::Ray;
+use crate::tracers::RayTracer;
+
+/// One ray in every lobe; a path that would carry less than a thousandth of a mean ray ends by
+/// Russian roulette.
+const SETTINGS: SecondPassSettings = SecondPassSettings {
+    passes: Passes::Both,
+    samples: 1,
+    lobe_samples: 1,
+    max_depth: 16,
+    tolerance: 1e-3,
+    seed: 0,
+};
+
+/// Rays of one Sobol' sequence.
+const SEQUENCE: u32 = 1 << 16;
+
+/// Follows rays as the pixels of an image do.
+pub(crate) struct Probe<'a> {
+    scatterer: Scatterer<'a>,
+}
+
+impl<'a> Probe<'a> {
+    /// `field` is that of the scene.
+    pub fn new(scene: &LitScene<'a>, field: &'a DiffuseField<'a>) -> Self {
+        Probe { scatterer: Scatterer::new(scene.geometry, scene.appearance, field, &SETTINGS) }
+    }
+
+    /// Σ weight × specular radiance along `rays` (unit), `[W]`: what the surface that a ray meets first
+    /// reflects or lets through specularly, not what it sends diffusely. Weights are of the order of
+    /// 1. Every call draws the same numbers.
+    pub fn specular(&self, tracer: &dyn RayTracer, rays: &[Ray], weights: &[f32]) -> Vec<f64> {
+        let w = self.scatterer.appearance.wavelengths.len();
+        let mut film = Film::new(vec![SETTINGS.seed], w);
+        let (mut wave, mut next, mut hits) = (Wave::default(), Wave::default(), Vec::new());
+        for (index, (ray, &weight)) in rays.iter().zip(weights).enumerate() {
+            let path = Path {
+                start: ray.origin,
+                pixel: 0,
+                index: index as u32 % SEQUENCE,
+                depth: 0,
+                splits: 0,
+                glossy: false,
+                medium: NO_MEDIUM,
+            };
+            wave.push(*ray, path, std::iter::repeat_n(weight, w));
+        }
+        let mut first = true;
+        while !wave.rays.is_empty() {
+            hits.clear();
+            hits.resize(wave.rays.len(), None);
+            tracer.closest_batch(&wave.rays, &mut hits);
+            next.clear();
+            let throughputs = wave.throughput.chunks_exact_mut(w);
+            for (((ray, &path), hit), throughput) in
+                wave.rays.iter().zip(&wave.paths).zip(&hits).zip(throughputs)
+            {
+                if let Some(hit) = hit {
+                    self.scatterer.meet(ray, hit, path, throughput, &mut film, &mut next);
+                }
+            }
+            if std::mem::take(&mut first) {
+                film.radiance.fill(0.0);
+            }
+            std::mem::swap(&mut wave, &mut next);
+        }
+        film.radiance
+    }
+}
