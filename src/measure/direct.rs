@@ -4,7 +4,6 @@ use super::cell::{Cell, sides};
 use super::place::Place;
 use super::settings::MeasureSettings;
 use crate::geometry::SurfaceId;
-use crate::scene::SampledAppearance;
 use crate::second_pass::LitScene;
 use crate::tracers::{RayTracer, Segment};
 use glam::Vec3;
@@ -26,14 +25,9 @@ pub(super) struct Direct<'a> {
 }
 
 impl<'a> Direct<'a> {
-    /// The emitting sides of all surfaces.
+    /// Of `scene`.
     pub fn new(scene: &'a LitScene, tracer: &'a dyn RayTracer, settings: &MeasureSettings) -> Self {
-        let emitters = (0..scene.geometry.surfaces.len() as u32)
-            .map(SurfaceId)
-            .filter(|&s| emits(scene.appearance, s))
-            .flat_map(|s| sides(scene.geometry, s).map(move |side| Cell::whole(scene.geometry, s, side)))
-            .collect();
-        Direct { scene, tracer, tolerance: settings.shadow_tolerance, emitters }
+        Direct { scene, tracer, tolerance: settings.shadow_tolerance, emitters: emitters(scene) }
     }
 
     /// E, `[W]`.
@@ -110,6 +104,9 @@ fn aims(cell: &Cell) -> impl Iterator<Item = Vec3> + '_ {
     (0..RAYS * RAYS).map(move |k| cell.at(at(k % RAYS), at(k / RAYS)))
 }
 
-fn emits(appearance: &SampledAppearance, surface: SurfaceId) -> bool {
-    appearance.of(surface).emission.iter().any(|&l| l > 0.0)
+/// The emitting sides of all surfaces.
+pub(super) fn emitters(scene: &LitScene) -> Vec<Cell> {
+    let emits = |&s: &SurfaceId| scene.appearance.of(s).emission.iter().any(|&l| l > 0.0);
+    let whole = |s| sides(scene.geometry, s).map(move |side| Cell::whole(scene.geometry, s, side));
+    (0..scene.geometry.surfaces.len() as u32).map(SurfaceId).filter(emits).flat_map(whole).collect()
 }

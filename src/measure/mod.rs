@@ -10,6 +10,7 @@ mod cell;
 mod csv;
 mod diffuse;
 mod direct;
+mod images;
 mod mirrored;
 mod place;
 mod settings;

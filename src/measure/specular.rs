@@ -3,13 +3,15 @@
 
 use super::cell::Cell;
 use super::diffuse::element;
+use super::images::{Emitters, Images};
 use super::mirrored::Mirrored;
 use super::place::Place;
 use super::settings::MeasureSettings;
-use crate::geometry::Ray;
+use crate::geometry::{Ray, Side, SurfaceId};
 use crate::points::SamplePoints;
 use crate::second_pass::{DiffuseField, LitScene, Probe};
 use crate::tracers::RayTracer;
+use std::collections::BTreeMap;
 
 /// No element is divided more often.
 const DEEPEST: u8 = 10;
@@ -20,6 +22,7 @@ pub(super) struct Specular<'a> {
     tracer: &'a dyn RayTracer,
     probe: Probe<'a>,
     mirrored: Mirrored<'a>,
+    emitters: Emitters,
     rays: f64,
     elements: Vec<Cell>,
 }
@@ -39,6 +42,7 @@ impl<'a> Specular<'a> {
             tracer,
             probe: Probe::new(scene, field),
             mirrored: Mirrored::new(scene, tracer),
+            emitters: Emitters::new(scene),
             rays: f64::from(settings.specular_rays),
             elements: (0..points.len()).filter(is_specular).map(|i| element(points, i)).collect(),
         }
@@ -68,9 +72,13 @@ impl<'a> Specular<'a> {
         let mut left: Vec<(Cell, f64)> = self.elements.iter().filter_map(facing).collect();
         let total: f64 = left.iter().map(|(_, factor)| factor).sum();
         let most = total / self.rays;
+        let mut images: BTreeMap<(SurfaceId, Side), Images> = BTreeMap::new();
         let mut aims = Vec::new();
         while let Some((cell, factor)) = left.pop() {
-            if factor > most && cell.depth < DEEPEST {
+            let shown = images
+                .entry((cell.surface, cell.side))
+                .or_insert_with(|| self.emitters.images(self.scene, place, cell.surface, cell.side));
+            if cell.depth < DEEPEST && (factor > most || shown.divide(place, &cell, factor)) {
                 left.extend(cell.divide().iter().filter_map(facing));
             } else if factor > 0.0 {
                 let way = cell.spread(aims.len()).as_dvec3() - place.position;

@@ -8,19 +8,18 @@ use super::wave::{NO_MEDIUM, Path, Wave};
 use crate::geometry::Ray;
 use crate::tracers::RayTracer;
 
-/// One ray in every lobe; a path that would carry less than a thousandth of a mean ray ends by
-/// Russian roulette.
+/// A path that would carry less than a thousandth of a mean ray ends by Russian roulette.
 const SETTINGS: SecondPassSettings = SecondPassSettings {
     passes: Passes::Both,
     samples: 1,
-    lobe_samples: 1,
+    lobe_samples: 8,
     max_depth: 16,
     tolerance: 1e-3,
     seed: 0,
 };
 
-/// Rays of one Sobol' sequence.
-const SEQUENCE: u32 = 1 << 16;
+/// Rays of one Sobol' sequence, each with its lobe samples.
+const SEQUENCE: u32 = (1 << 16) / SETTINGS.lobe_samples;
 
 /// Follows rays as the pixels of an image do.
 pub(crate) struct Probe<'a> {

@@ -1,0 +1,89 @@
+//! Where specular surfaces show emitters: rays are sent closer together there.
+
+use super::cell::Cell;
+use super::direct::emitters;
+use super::place::Place;
+use crate::geometry::{Side, SurfaceId};
+use crate::material::Transmission;
+use crate::second_pass::LitScene;
+use glam::{DVec3, Vec3};
+
+/// Rays that meet one image, at least; those at its edge are a few per cent of them.
+const RAYS: f64 = 1024.0;
+/// A lobe of slope m is met by rays this share of m apart, and ends so many times m beside the image.
+const LOBE_STEP: f64 = 0.2;
+const LOBE_REACH: f64 = 4.0;
+
+/// What one side of a surface shows to a sensor.
+#[derive(Default)]
+pub(super) struct Images {
+    /// Direction, half its angle (rad), projected solid angle (sr).
+    images: Vec<(DVec3, f64, f64)>,
+    /// Roughness of the surface.
+    m: f64,
+}
+
+/// All that can be shown.
+pub(super) struct Emitters {
+    /// Emitting surfaces, and point lights as cells without extent.
+    cells: Vec<Cell>,
+}
+
+impl Emitters {
+    /// Of a scene.
+    pub fn new(scene: &LitScene) -> Self {
+        let mut cells = emitters(scene);
+        // On a surface that it has nothing to do with: only the corners count.
+        let point =
+            |p: DVec3| Cell { corners: [p.as_vec3(); 4], surface: SurfaceId(0), side: Side::Front, depth: 0 };
+        cells.extend(scene.geometry.lights.iter().map(|l| point(l.position)));
+        Emitters { cells }
+    }
+
+    /// What `surface` shows of them to `place`: mirrored, and for a pane straight as well.
+    pub fn images(&self, scene: &LitScene, place: &Place, surface: SurfaceId, side: Side) -> Images {
+        let material = scene.appearance.of(surface);
+        let plane = scene.geometry.surface(surface);
+        let turn = if side == Side::Front { 1.0 } else { -1.0 };
+        let mirrored = |p: Vec3| {
+            let p = p.as_dvec3();
+            (p - 2.0 * plane.distance(p) * plane.normal).as_vec3()
+        };
+        let in_front = |cell: &Cell| cell.corners.iter().any(|c| turn * plane.distance(c.as_dvec3()) > 0.0);
+        let behind = |cell: &Cell| cell.corners.iter().any(|c| turn * plane.distance(c.as_dvec3()) < 0.0);
+        let pane = matches!(material.transmission, Some(Transmission::Pane { .. }));
+        let mut images = Images { images: Vec::new(), m: material.m };
+        for cell in &self.cells {
+            if in_front(cell) {
+                images.add(place, &Cell { corners: cell.corners.map(mirrored), ..*cell });
+            }
+            if pane && behind(cell) {
+                images.add(place, cell);
+            }
+        }
+        images
+    }
+}
+
+impl Images {
+    fn add(&mut self, place: &Place, image: &Cell) {
+        if let Some(direction) = (image.centre().as_dvec3() - place.position).try_normalize() {
+            self.images.push((direction, 0.5 * image.extent(place), image.factor(place)));
+        }
+    }
+
+    /// Whether `cell` of the surface, with its projected solid angle, may show an image and is too
+    /// large for it.
+    pub fn divide(&self, place: &Place, cell: &Cell, factor: f64) -> bool {
+        let extent = cell.extent(place);
+        let Some(direction) = (cell.centre().as_dvec3() - place.position).try_normalize() else {
+            return false;
+        };
+        let reach = 0.5 * extent + LOBE_REACH * self.m;
+        self.images.iter().any(|(to, half, size)| {
+            let near = direction.angle_between(*to) <= half + reach;
+            let rough = self.m > 0.0 && extent <= LOBE_STEP * self.m;
+            near && !rough && factor * RAYS > *size && (*size > 0.0 || self.m > 0.0)
+        })
+    }
+}
