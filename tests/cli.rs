@@ -156,3 +156,37 @@ fn no_output_overwrites_an_input_or_another_output() {
     assert!(!png.exists());
     assert_eq!(std::fs::read_to_string(&scene).expect("still there"), "not read");
 }
+
+#[test]
+fn measure_writes_a_table_and_a_report() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let (csv, json) = (dir.path().join("m.csv"), dir.path().join("m.json"));
+    let scene = "scenes/paper_room.toml";
+    let measure = |threads: &str| {
+        let args = ["measure", scene, "--quality", "draft", "--threads", threads];
+        let shown = succeed(&[&args[..], &["-o", text(&csv), "--report", text(&json)]].concat());
+        assert!(shown.contains("working plane") && shown.contains("estimate"), "{shown}");
+        std::fs::read_to_string(&csv).expect("the table is there")
+    };
+    let table = measure("1");
+    assert_eq!(table, measure("2"), "the same readings from one and two threads");
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines.len(), 1 + 4 + 8 * 6 + 10 * 8);
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&json).expect("the report is there")).expect("JSON");
+    let lux: f64 = lines[1].split(',').nth(9).and_then(|x| x.parse().ok()).expect("a number");
+    let reported = report["sensors"][0]["total"]["illuminance_lx"].as_f64().expect("a number");
+    assert!(lux > 100.0 && (lux / reported - 1.0).abs() < 1e-6, "{lux} {reported}");
+    assert_eq!(report["first_pass"]["rays_cast"], 0);
+
+    let error = fail(1, &["measure", scene, "-o", text(&dir.path().join("no/m.csv"))]);
+    assert!(error.contains("no folder"), "{error}");
+    let blind = dir.path().join("blind.toml");
+    let quads = "quads = [[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]]";
+    let camera = "[[cameras]]\nname = \"c\"\nposition = [0, 0, 3]\ntarget = [1, 1, 0]\n";
+    let object = format!("[[objects]]\nname = \"o\"\nmaterial = \"m\"\n{quads}\n");
+    std::fs::write(&blind, format!("format = 1\n[materials.m]\nreflectance = 0.5\n{object}{camera}"))
+        .expect("written");
+    let error = fail(2, &["measure", text(&blind)]);
+    assert!(error.contains("[[sensors]]"), "{error}");
+}

@@ -12,7 +12,8 @@ fn readings(text: &str) -> Vec<Reading> {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let path = folder.path().join("s.toml");
     let camera = "[[cameras]]\nname = \"c\"\nposition = [0.1, 0, 1]\ntarget = [1, 1, 0]\n";
-    std::fs::write(&path, format!("format = 1\n{text}{camera}")).expect("written");
+    std::fs::write(&path, format!("format = 1\n[sampling]\nmax_area = 0.02\n{text}{camera}"))
+        .expect("written");
     let scene = scene::load(&path).unwrap_or_else(|e| panic!("{e}"));
     let settings = Settings::default();
     let tracer = tracers::choose(settings.tracer, &scene.geometry).expect("a tracer");
@@ -84,7 +85,7 @@ fn a_sensor_over_a_mirror_sees_the_light_in_it() {
 }
 
 #[test]
-fn gloss_shows_a_point_light_as_it_shows_a_small_panel(0.04) {
+fn gloss_shows_a_point_light_as_it_shows_a_small_panel() {
     for m in [0.05, 0.3] {
         let sensors =
             sensor([0.4, 0.1, 1.2], [0.0, 0.0, -1.0]) + &sensor([-0.2, 0.6, 0.8], [0.0, -0.6, -0.8]);
@@ -117,10 +118,9 @@ fn light_comes_straight_through_a_pane() {
 #[test]
 fn a_mirror_throws_a_point_light_onto_the_ceiling() {
     let grey = format!("[materials.grey]\nreflectance = 0.5\n{}", plate("grey", [2.0, 2.0], 3.0, false));
-    let sampling = "[sampling]\nmax_area = 0.01\n";
     let under = sensor([0.3, 0.2, 2.95], [0.0, 0.0, 1.0]);
-    let point = readings(&format!("{sampling}{}{POINT}{grey}{under}", mirror(0.0)));
-    let panel = readings(&format!("{sampling}{}{}{grey}{under}", mirror(0.0), panel(0.04)));
+    let point = readings(&format!("{}{POINT}{grey}{under}", mirror(0.0)));
+    let panel = readings(&format!("{}{}{grey}{under}", mirror(0.0), panel(0.04)));
     // E of the ceiling from the image at z = -1.5; next to it the sensor gets as much times ρ.
     let d2 = 4.5f64.powi(2) + 0.3f64.powi(2) + 0.2f64.powi(2);
     let expected = 0.5 * 1000.0 * 4.5 * 4.5 / (d2 * d2);
