@@ -1,13 +1,15 @@
 //! Do sensors read what closed forms and the published cases of CIE 171:2006 say?
 
+use luxgraph::first_pass::FluxBalance;
 use luxgraph::measure::{Illuminance, Reading};
 use luxgraph::observer::Silent;
 use luxgraph::settings::Settings;
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::{pipeline, scene, tracers};
 
-/// Reads all sensors of a scene file, single ones first, with 16 wavelengths; name and readings.
-fn readings(text: &str) -> Vec<(String, Reading)> {
+/// Reads all sensors of a scene file, single ones first, with 16 wavelengths: name and reading of each. And
+/// where the light of the first pass went.
+fn measured(text: &str) -> (Vec<(String, Reading)>, FluxBalance) {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let path = folder.path().join("s.toml");
     let camera = "[[cameras]]\nname = \"c\"\nposition = [0.1, 0, 1]\ntarget = [1, 1, 0]\n";
@@ -23,7 +25,12 @@ fn readings(text: &str) -> Vec<(String, Reading)> {
     let sensors: Vec<_> =
         scene.sensors.iter().cloned().chain(scene.grids.iter().flat_map(|g| g.sensors())).collect();
     let read = pipeline::measure(geometry, &prepared, &lit, &sensors, tracer, &settings.measure, &Silent);
-    sensors.into_iter().map(|s| s.name).zip(read.expect("measured")).collect()
+    let readings = sensors.into_iter().map(|s| s.name).zip(read.expect("measured")).collect();
+    (readings, lit.1.stats.flux)
+}
+
+fn readings(text: &str) -> Vec<(String, Reading)> {
+    measured(text).0
 }
 
 fn wavelengths() -> Wavelengths {
@@ -137,21 +144,24 @@ fn cie_171_5_4_all_flux_arrives() {
             "[[grids]]\nname = \"{axis} {at}\"\norigin = {origin:?}\nu = {u:?}\nv = {v:?}\nnormal = {normal:?}\ncounts = [{n}, {n}]\n"
         ));
     }
-    let found = readings(&format!("{BLACK}{light}{}{grids}", room(2.0, h, "black")));
+    let (found, balance) = measured(&format!("{BLACK}{light}{}{grids}", room(2.0, h, "black")));
     let area = |name: &str| if name.starts_with('2') { 16.0 } else { 12.0 } / f64::from(n * n);
     let flux: f64 = found.iter().map(|(name, r)| lux(&r.total()) * area(name)).sum();
     assert_close(flux, 10000.0, 5e-3, "flux on all walls");
+    for (absorbed, emitted) in balance.absorbed.iter().zip(&balance.emitted) {
+        assert_close(*absorbed, *emitted, 1e-5, "flux on all elements");
+    }
 }
 
 /// CIE 171 5.8: the mean indirect illuminance of a closed cube follows from its energy.
 #[test]
 fn cie_171_5_8_light_between_the_walls_of_a_cube() {
     let light = "[[lights]]\nname = \"p\"\nposition = [0, 0, 2]\nilluminant = \"E\"\nluminous_flux = 10000\n";
-    let grid = "[[grids]]\nname = \"floor\"\norigin = [-2, -2, 0]\nu = [4, 0, 0]\nv = [0, 4, 0]\ncounts = [24, 24]\n";
+    let grid = "[[grids]]\nname = \"floor\"\norigin = [-2, -2, 0]\nu = [4, 0, 0]\nv = [0, 4, 0]\ncounts = [16, 16]\n";
     for (reflectance, expected) in [(0.5, 104.17), (0.9, 937.5)] {
         let grey = format!("[sampling]\nmax_area = 0.07\n[materials.grey]\nreflectance = {reflectance}\n");
         let found = readings(&format!("{grey}{light}{}{grid}", room(2.0, 4.0, "grey")));
         let mean = found.iter().map(|(_, r)| lux(&r.indirect())).sum::<f64>() / found.len() as f64;
-        println!("{reflectance}: {mean} for {expected}");
+        assert_close(mean, expected, 5e-3, &format!("reflectance {reflectance}"));
     }
 }

@@ -7,7 +7,7 @@ use luxgraph::error::{Error, Result};
 use luxgraph::first_pass::FirstPassStats;
 use luxgraph::measure::{Illuminance, Reading, Row, write_csv};
 use luxgraph::report::{Counts, Machine, peak_memory_bytes, write_json};
-use luxgraph::scene::{Scene, Sensor};
+use luxgraph::scene::{MaterialId, Scene, Sensor};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::visibility::GraphStats;
 use luxgraph::{pipeline, scene};
@@ -245,7 +245,7 @@ fn notes(scene: &Scene, wavelengths: &Wavelengths) -> Vec<&'static str> {
              brings it within 0.5 %",
         );
     }
-    let specular = |m: &luxgraph::scene::MaterialId| scene.appearance.materials[m.0 as usize].is_specular();
+    let specular = |m: &MaterialId| scene.appearance.materials[m.0 as usize].is_specular();
     if !scene.geometry.lights.is_empty() && scene.appearance.surface_material.iter().any(specular) {
         notes.push(
             "what point lights send to a sensor over one mirror, one glossy surface or straight through panes \

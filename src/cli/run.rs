@@ -7,7 +7,7 @@ use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
-use luxgraph::scene::{Camera, SampledAppearance, Scene};
+use luxgraph::scene::{Camera, MaterialId, SampledAppearance, Scene};
 use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats, SpectralImage};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
@@ -243,6 +243,13 @@ impl Job<'_> {
     pub fn run(&self, targets: &Targets, observer: &dyn Observer) -> Result<()> {
         let (geometry, settings) = (&self.scene.geometry, self.settings);
         let lit = pipeline::light(geometry, self.prepared, &self.scene.appearance, settings, observer)?;
+        let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
+        if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
+            eprintln!(
+                "note: point lights have no body: their light reaches surfaces over mirrors and glass too, but \
+                 the view shows no reflection and no highlight of the lights themselves"
+            );
+        }
         let stats = &lit.1.stats;
         println!(
             "first pass: {:.2} s, {:.0} sweeps, {:.4} % of the flux unabsorbed, {} rays",

@@ -10,11 +10,14 @@ use crate::material::{Emission, Level};
 use crate::spectrum::{Spectrum, library};
 use toml::Spanned;
 
+/// Amounts that may be given, and what each means.
+type Ways<'a, L, const N: usize> = [(&'a Option<Spanned<f64>>, fn(f64) -> L); N];
+
 /// The emission of a material.
 pub fn of_material(sources: &Sources, spectra: &Spectra, at: &Spanned<EmissionTable>) -> Result<Emission> {
     let (table, place) = (at.get_ref(), at.span().start);
     let spectrum = spectrum(sources, spectra, (&table.illuminant, &table.spectrum), "emission", place)?;
-    let ways: [(_, fn(f64) -> Level); 4] = [
+    let ways: Ways<Level, 4> = [
         (&table.radiance, Level::Radiance),
         (&table.luminance, Level::Luminance),
         (&table.luminous_flux, Level::LuminousFlux),
@@ -30,7 +33,7 @@ pub fn of_material(sources: &Sources, spectra: &Spectra, at: &Spanned<EmissionTa
 pub fn of_light(sources: &Sources, spectra: &Spectra, at: &Spanned<LightTable>) -> Result<LightSource> {
     let (table, place) = (at.get_ref(), at.span().start);
     let spectrum = spectrum(sources, spectra, (&table.illuminant, &table.spectrum), "a light", place)?;
-    let ways: [(_, fn(f64) -> LightLevel); 2] = [
+    let ways: Ways<LightLevel, 2> = [
         (&table.luminous_flux, LightLevel::LuminousFlux),
         (&table.luminous_intensity, LightLevel::LuminousIntensity),
     ];
@@ -63,7 +66,7 @@ fn spectrum(
 /// The one amount that is given.
 fn level<L, const N: usize>(
     sources: &Sources,
-    ways: [(&Option<Spanned<f64>>, fn(f64) -> L); N],
+    ways: Ways<L, N>,
     (spectrum, written): &(Spectrum, usize),
     place: usize,
     choice: &str,
