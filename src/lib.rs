@@ -7,6 +7,7 @@
 //! ```text
 //! scene file -> Scene {geometry | appearance} -> SamplePoints -> VisibilityGraph
 //!   -> first pass -> DiffuseSolution -> second pass -> SpectralImage -> files
+//!                                    -> measure -> Readings -> files
 //! ```
 //!
 //! # Conventions

@@ -115,7 +115,7 @@ fn mistakes_are_named_where_they_are() {
         ("[[sensors]]\nname = \"s\"\nposition = [1, 1, 0]\n".into(), (1, 1), "`normal` is missing"),
         (format!("{grid}{grid}"), (8, 8), "two sensors or grids \"g\""),
         (grid.replace("[4, 2]", "[4, 0]"), (6, 10), "from 1 to 4096"),
-        (grid.replace("[4, 2]", "[4096, 4096]"), (6, 10), "more than 1048576"),
+        (grid.replace("[4, 2]", "[4096, 4096]"), (6, 10), "more than 262144"),
         (grid.replace("[0, 1, 0]", "[1, 0, 0]"), (5, 5), "span no plane"),
         (format!("{grid}offset = nan\n"), (7, 10), "finite length"),
     ];

@@ -29,6 +29,9 @@ struct Contents {
     points: usize,
     specular_points: usize,
     cameras: Vec<String>,
+    point_lights: Vec<String>,
+    sensors: usize,
+    grids: Vec<String>,
     materials: Vec<MaterialLine>,
     requires: Vec<&'static str>,
     left_out: Vec<&'static str>,
@@ -123,6 +126,9 @@ fn contents(scene: &Scene) -> Contents {
             .map(|line| line.points)
             .sum(),
         cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
+        point_lights: geometry.lights.iter().map(|l| l.name.clone()).collect(),
+        sensors: scene.sensors.len(),
+        grids: scene.grids.iter().map(|g| g.name.clone()).collect(),
         materials,
         requires,
         left_out,
@@ -139,6 +145,13 @@ fn print_contents(contents: &Contents) {
     println!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
     println!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);
     println!("cameras: {}", contents.cameras.join(", "));
+    if !contents.point_lights.is_empty() {
+        println!("point lights: {}", contents.point_lights.join(", "));
+    }
+    if contents.sensors > 0 || !contents.grids.is_empty() {
+        let grids = if contents.grids.is_empty() { "none".to_owned() } else { contents.grids.join(", ") };
+        println!("sensors: {}; grids of sensors: {grids}", contents.sensors);
+    }
     println!("{:<24} {:<16} {:>9} {:>9}", "material", "kind", "surfaces", "points");
     for line in &contents.materials {
         let kind = if line.emits { format!("{}, emits", line.kind) } else { line.kind.to_owned() };

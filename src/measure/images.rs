@@ -23,6 +23,9 @@ pub(super) struct Images {
     m: f64,
 }
 
+/// With more emitters than this rays are spread over the surfaces alone: so many lights are an even one.
+const MOST: usize = 1024;
+
 /// All that can be shown.
 pub(super) struct Emitters {
     /// Emitting surfaces, and point lights as cells without extent.
@@ -37,6 +40,9 @@ impl Emitters {
         let point =
             |p: DVec3| Cell { corners: [p.as_vec3(); 4], surface: SurfaceId(0), side: Side::Front, depth: 0 };
         cells.extend(scene.geometry.lights.iter().map(|l| point(l.position)));
+        if cells.len() > MOST {
+            cells.clear();
+        }
         Emitters { cells }
     }
 

@@ -137,7 +137,8 @@ impl<'a> Mirrored<'a> {
         let (mut through, mut share) = (vec![1.0; w], vec![0.0; w]);
         let way = to - from;
         let skip = self.above / way.length().max(f64::MIN_POSITIVE);
-        let mut ray = Ray { origin: from, direction: way, t_min: 0.0, t_max: 1.0 };
+        // A light may lie on a surface.
+        let mut ray = Ray { origin: from, direction: way, t_min: 0.0, t_max: 1.0 - skip };
         for panes in 0..MOST_PANES {
             let Some(hit) = self.tracer.closest(&ray) else { return Some((through, panes)) };
             let Some(Transmission::Pane { transmit }) = &self.scene.appearance.of(hit.surface).transmission

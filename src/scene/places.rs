@@ -12,9 +12,12 @@ use glam::DVec3;
 use std::collections::BTreeSet;
 use toml::Spanned;
 
-/// Most sensors along an edge of a grid, and most in all grids together.
+/// More point lights than this are refused: each asks something of every sample point.
+const MAX_LIGHTS: usize = 4096;
+/// Most sensors along an edge of a grid.
 const MAX_COUNT: u32 = 4096;
-const MAX_SENSORS: u64 = 1 << 20;
+/// Most sensors, those of grids included.
+const MAX_SENSORS: usize = 1 << 18;
 
 /// A vector whose coordinates a scene can hold. `what` is a noun: "a light's position".
 pub fn vector(sources: &Sources, at: &Spanned<[f64; 3]>, what: &str) -> Result<DVec3> {
@@ -49,6 +52,10 @@ pub fn lights(description: &SceneDescription, centre: DVec3) -> Result<Vec<Point
     let sources = &description.sources;
     let mut names = BTreeSet::new();
     let mut lights = Vec::new();
+    if let Some(first) = description.document.lights.get(MAX_LIGHTS) {
+        let message = format!("there are more than {MAX_LIGHTS} point lights; leave some out");
+        return Err(sources.error(first.span().start, message));
+    }
     for table in description.document.lights.iter().map(Spanned::get_ref) {
         unique(sources, &mut names, &table.name, "lights")?;
         lights.push(PointLight {
@@ -92,13 +99,18 @@ pub fn sensors(description: &SceneDescription) -> Result<(Vec<Sensor>, Vec<Grid>
         sensors.push(sensor(sources, table)?);
     }
     let mut grids = Vec::new();
-    let mut total = 0;
+    let mut total = sensors.len();
+    if let Some(first) = document.sensors.get(MAX_SENSORS) {
+        let message = format!("there are more than {MAX_SENSORS} sensors; leave some out");
+        return Err(sources.error(first.span().start, message));
+    }
     for table in document.grids.iter().map(Spanned::get_ref) {
         unique(sources, &mut names, &table.name, "sensors or grids")?;
         let grid = grid(sources, table)?;
-        total += grid.len() as u64;
+        total += grid.len();
         if total > MAX_SENSORS {
-            let message = format!("the grids have more than {MAX_SENSORS} sensors together; count fewer");
+            let message =
+                format!("there are more than {MAX_SENSORS} sensors with those of the grids; count fewer");
             return Err(sources.error(table.counts.span().start, message));
         }
         grids.push(grid);

@@ -3,23 +3,25 @@
 //! That is geometry and costs one ray a pair, so it is found out with the graph, whether the graph is
 //! built or read from a file, and no graph file keeps it.
 
-use super::graph::VisibilityGraph;
+use super::graph::{VisibilityGraph, stride_of};
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
 use crate::tracers::{RayTracer, Segment};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Segments of one task.
-const CHUNK: usize = 4096;
+/// Words of one task, 32 points each.
+const CHUNK: usize = 128;
 
 /// Which sample points each light reaches.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct LightSight {
     /// Where the lights stood.
     positions: Vec<DVec3>,
-    /// By light, then point.
-    reached: Vec<bool>,
+    /// A row for each light: point `i` is bit `i % 32` of word `i / 32`.
+    words: Vec<u32>,
+    /// Words of a row.
+    stride: usize,
 }
 
 impl VisibilityGraph {
@@ -27,35 +29,35 @@ impl VisibilityGraph {
     /// point, and nothing between.
     pub fn look_at_lights(&mut self, geometry: &Geometry, points: &SamplePoints, tracer: &dyn RayTracer) {
         let tolerance = geometry.plane_tolerance();
-        let n = points.len();
-        let mut sight = LightSight {
-            positions: geometry.lights.iter().map(|l| l.position).collect(),
-            reached: vec![false; n * geometry.lights.len()],
-        };
-        for (light, reached) in geometry.lights.iter().zip(sight.reached.chunks_mut(n.max(1))) {
-            reached.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, reached)| {
-                let mut facing = Vec::new();
-                let mut segments = Vec::new();
-                for lane in 0..reached.len() {
-                    let i = chunk * CHUNK + lane;
+        let stride = stride_of(points.len());
+        let mut words = vec![0u32; stride * geometry.lights.len()];
+        for (light, row) in geometry.lights.iter().zip(words.chunks_mut(stride.max(1))) {
+            let to = light.position.as_vec3();
+            row.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, words)| {
+                let first = 32 * CHUNK * chunk;
+                let facing = |&i: &usize| {
                     let to_light = light.position - points.position[i].as_dvec3();
-                    if points.normal[i].as_dvec3().dot(to_light) > tolerance {
-                        facing.push(lane);
-                        segments.push(Segment { from: points.position[i], to: light.position.as_vec3() });
-                    }
-                }
+                    points.normal[i].as_dvec3().dot(to_light) > tolerance
+                };
+                let facing: Vec<usize> =
+                    (first..(first + 32 * words.len()).min(points.len())).filter(facing).collect();
+                let segments: Vec<Segment> =
+                    facing.iter().map(|&i| Segment { from: points.position[i], to }).collect();
                 let mut blocked = vec![false; segments.len()];
                 tracer.occluded_batch(&segments, &mut blocked);
-                facing.into_iter().zip(blocked).for_each(|(lane, blocked)| reached[lane] = !blocked);
+                for (i, blocked) in facing.into_iter().zip(blocked) {
+                    words[(i - first) / 32] |= u32::from(!blocked) << (i % 32);
+                }
             });
         }
-        self.lights = sight;
+        let positions = geometry.lights.iter().map(|l| l.position).collect();
+        self.lights = LightSight { positions, words, stride };
     }
 
     /// Whether light `light` reaches point `i`.
     pub fn lit(&self, light: usize, i: usize) -> bool {
-        let n = self.starts.last().map_or(0, |&n| n as usize);
-        i < n && self.lights.reached.get(light * n + i).copied().unwrap_or(false)
+        let LightSight { words, stride, .. } = &self.lights;
+        i / 32 < *stride && words.get(light * stride + i / 32).is_some_and(|w| w >> (i % 32) & 1 == 1)
     }
 
     /// Whether it is known what the lights of `geometry` reach.
