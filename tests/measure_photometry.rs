@@ -165,3 +165,19 @@ fn cie_171_5_8_light_between_the_walls_of_a_cube() {
         assert_close(mean, expected, 5e-3, &format!("reflectance {reflectance}"));
     }
 }
+
+/// A sensor on a surface reads the same whichever way its place was rounded, and nothing from behind.
+#[test]
+fn a_sensor_on_a_surface_looks_from_its_front() {
+    let light = "[[lights]]\nname = \"p\"\nposition = [0, 0, 3]\nilluminant = \"E\"\nluminous_flux = 1000\n";
+    let places = [0.0, 1e-4, -1e-4, -0.01];
+    let sensors: String =
+        places.iter().map(|z| sensor(&z.to_string(), [0.7, 0.1, *z], [0.0, 0.0, 1.0])).collect();
+    let grey = "[sampling]\nmax_area = 0.2\n[materials.grey]\nreflectance = 0.5\n";
+    let found = readings(&format!("{grey}{light}{}{sensors}", room(2.0, 3.0, "grey")));
+    let lux: Vec<f64> = found.iter().map(|(_, reading)| lux(&reading.total())).collect();
+    assert!(lux[0] > 5.0);
+    assert_close(lux[1], lux[0], 1e-6, "just above");
+    assert_close(lux[2], lux[0], 1e-6, "just below");
+    assert_eq!(lux[3], 0.0, "under the floor");
+}

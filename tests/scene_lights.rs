@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use luxgraph::error::Error;
+use luxgraph::first_pass::Solver;
 use luxgraph::observer::Silent;
 use luxgraph::scene::{Distribution, LightLevel, Scene, SceneDescription, load};
 use luxgraph::settings::Settings;
@@ -195,4 +196,28 @@ fn lights_change_and_move_over_one_graph() {
     assert_eq!(dark, 0.0);
     let (_, none) = lit("");
     assert_eq!(none, 0.0);
+}
+
+#[test]
+fn both_solvers_agree_on_a_point_light() {
+    let folder = Folder::new();
+    let mirror = "[materials.mirror]\nfresnel = \"silver\"\nspecular = 0.9\nroughness = 0.2\n\
+                  [[objects]]\nname = \"mirror\"\nmaterial = \"mirror\"\nmax_area = 0.02\n\
+                  quads = [[[2, 0, 0], [2, 0, 1], [2, 2, 1], [2, 2, 0]]]\n";
+    let scene = load(&folder.write("s.toml", &format!("{SCENE}{LIGHT}{mirror}"))).expect("loads");
+    let mut settings = Settings::default();
+    settings.first_pass.tolerance = 1e-4;
+    let tracer = tracers::choose(settings.tracer, &scene.geometry).expect("a tracer");
+    let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
+    let prepared =
+        pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).expect("prepared");
+    let mut solve = |solver| {
+        settings.first_pass.solver = solver;
+        let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).expect("lit");
+        assert!(lit.1.stats.longest_chain > 0, "the mirror takes part");
+        lit.1.radiance
+    };
+    let (all, shot) = (solve(Solver::Iterative), solve(Solver::Shooting));
+    let brightest = all.iter().copied().fold(0.0, f32::max);
+    assert!(all.iter().zip(&shot).all(|(a, b)| (a - b).abs() < 1e-3 * brightest));
 }
