@@ -318,7 +318,9 @@ fn darkness(
     if !black(&image.radiance) {
         None
     } else if black(&solution.radiance) {
-        Some("no light falls on any surface, and none emits; give a material `emission`")
+        Some(
+            "no light falls on any surface, and none emits; give a material `emission`, or the scene [[lights]]",
+        )
     } else if stats.missed_rays == stats.camera_rays {
         Some("the camera sees no surface; mind its position and target")
     } else {

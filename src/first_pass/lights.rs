@@ -198,6 +198,7 @@ mod tests {
         let light = |distribution| PointLight { name: String::new(), position: DVec3::ZERO, distribution };
         let isotropic = light(Distribution::Isotropic);
         assert!((6.0 * into(&isotropic, &face(1.0)) - 4.0 * PI).abs() < 1e-9);
+        let lambertian = light(Distribution::Lambertian { axis: DVec3::Z });
         // Four quarters, each sqrt(1/2) atan sqrt(1/2) / pi (a rectangle's corner over a point).
         let root = 0.5f64.sqrt();
         assert!((into(&lambertian, &face(1.0)) - 4.0 * root * root.atan()).abs() < 1e-9);
