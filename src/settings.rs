@@ -37,7 +37,7 @@ pub enum Quality {
     Draft,
     /// As the paper did it: its kernel, four wavelengths, tables of 20 entries.
     Paper,
-    /// The default.
+    /// The default: 8 wavelength bands.
     Standard,
     /// Four times the points, 16 wavelengths, 64 samples a pixel.
     High,
@@ -50,7 +50,7 @@ impl Settings {
             tracer: TracerChoice::Auto,
             area_factor: 1.0,
             voxels: VoxelSettings::default(),
-            wavelengths: Wavelengths::meyer4(),
+            wavelengths: Wavelengths::standard(),
             fresnel_entries: DEFAULT_ENTRIES,
             first_pass: FirstPassSettings::default(),
             second_pass: SecondPassSettings::default(),
@@ -62,13 +62,14 @@ impl Settings {
                 settings.second_pass.samples = 4;
             }
             Quality::Paper => {
+                settings.wavelengths = Wavelengths::meyer4();
                 settings.fresnel_entries = PAPER_ENTRIES;
                 settings.first_pass.kernel = Kernel::Paper;
             }
             Quality::Standard => {}
             Quality::High => {
                 settings.area_factor = 0.25;
-                settings.wavelengths = Wavelengths::bands(16).unwrap_or_else(|_| Wavelengths::meyer4());
+                settings.wavelengths = Wavelengths::of_bands(16);
                 settings.second_pass.samples = 64;
             }
         }

@@ -9,11 +9,8 @@ use std::path::Path;
 
 fn image() -> SpectralImage {
     let nm = vec![456.4, 490.9, 557.7, 631.4];
-    let wavelengths = Wavelengths {
-        bands: nm.iter().map(|x| [*x, *x]).collect(),
-        nm,
-        xyz_weights: vec![[15.0, 3.0, 80.0], [2.0, 12.0, 20.0], [50.0, 62.0, 0.5], [40.0, 23.0, 0.0]],
-    };
+    let xyz_weights = vec![[15.0, 3.0, 80.0], [2.0, 12.0, 20.0], [50.0, 62.0, 0.5], [40.0, 23.0, 0.0]];
+    let wavelengths = Wavelengths::points(nm, xyz_weights);
     let (width, height) = (37u32, 19u32);
     let radiance = (0..width * height * 4).map(|i| (i * 7919 % 1009) as f32 / 300.0).collect();
     SpectralImage { width, height, wavelengths, radiance }

@@ -61,8 +61,7 @@ impl Scene {
 
     /// L^d at world places of a surface when every point has what `radiance` says.
     fn at(&self, surface: u32, places: &[DVec3], radiance: impl Fn(DVec3) -> f32) -> Vec<f32> {
-        let wavelengths =
-            Wavelengths { nm: vec![550.0], bands: vec![[550.0; 2]], xyz_weights: vec![[1.0; 3]] };
+        let wavelengths = Wavelengths::points(vec![550.0], vec![[1.0; 3]]);
         let radiance = (0..self.points.len()).map(|i| radiance(self.place(i))).collect();
         let solution = DiffuseSolution { wavelengths, radiance, stats: Default::default() };
         let field = self.interpolator.field(&solution);

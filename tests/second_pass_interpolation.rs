@@ -11,7 +11,7 @@ use luxgraph::tracers::brute_force::BruteForce;
 
 fn wavelengths(n: usize) -> Wavelengths {
     let nm: Vec<f64> = (0..n).map(|i| 450.0 + 50.0 * i as f64).collect();
-    Wavelengths { bands: nm.iter().map(|x| [*x, *x]).collect(), xyz_weights: vec![[1.0; 3]; n], nm }
+    Wavelengths::points(nm, vec![[1.0; 3]; n])
 }
 
 fn geometry(shapes: &[(Shape, bool, u32)]) -> Geometry {

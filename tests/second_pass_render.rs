@@ -17,11 +17,7 @@ use luxgraph::tracers::brute_force::BruteForce;
 const W: usize = 2;
 
 fn wavelengths() -> Wavelengths {
-    Wavelengths {
-        nm: vec![480.0, 580.0],
-        bands: vec![[480.0; 2], [580.0; 2]],
-        xyz_weights: vec![[10.0, 30.0, 50.0], [90.0, 80.0, 1.0]],
-    }
+    Wavelengths::points(vec![480.0, 580.0], vec![[10.0, 30.0, 50.0], [90.0, 80.0, 1.0]])
 }
 
 fn table(f: impl Fn(f64) -> f64) -> FresnelTable {

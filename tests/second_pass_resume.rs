@@ -36,11 +36,8 @@ impl World {
         let geometry = Geometry::new(shapes, vec!["walls".into()]);
         let points =
             SamplePoints::new(&geometry, &divide_by_area(&geometry, &Sampling::by_area(0.3)), 1, |_| 0);
-        let wavelengths = Wavelengths {
-            nm: vec![480.0, 580.0],
-            bands: vec![[480.0; 2], [580.0; 2]],
-            xyz_weights: vec![[10.0, 30.0, 50.0], [90.0, 80.0, 1.0]],
-        };
+        let xyz_weights = vec![[10.0, 30.0, 50.0], [90.0, 80.0, 1.0]];
+        let wavelengths = Wavelengths::points(vec![480.0, 580.0], xyz_weights);
         let material = |s: f64| SampledMaterial {
             diffuse: vec![0.2; 2],
             s,

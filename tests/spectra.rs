@@ -1,6 +1,7 @@
 //! Do spectra become the colours that independent colorimetry says?
 
 use luxgraph::colour::{delta_e_76, delta_e_2000, encode_srgb, lab, xyz_to_linear_srgb};
+use luxgraph::report::wavelength_table::{LIGHTS, WavelengthTable, colour_error};
 use luxgraph::spectrum::{LUMENS_PER_WATT, Spectrum, Wavelengths, library, luminance_of, xyz_of};
 use serde_json::Value;
 
@@ -12,11 +13,8 @@ fn numbers(value: &Value) -> [f64; 3] {
     [0, 1, 2].map(|c| value[c].as_f64().unwrap())
 }
 
-/// light x reflectance at 1 nm.
 fn product(light: &Spectrum, reflectance: &Spectrum) -> Spectrum {
-    let nm: Vec<f64> = (380..=780).map(f64::from).collect();
-    let value = nm.iter().map(|&x| light.at(x) * reflectance.at(x)).collect();
-    Spectrum::tabulated(nm, value).unwrap()
+    light.times(|nm| reflectance.at(nm))
 }
 
 fn scaled(xyz: [f64; 3], factor: f64) -> [f64; 3] {
@@ -103,16 +101,46 @@ fn four_wavelengths_have_the_colour_error_of_meyers_scheme() {
 
 #[test]
 fn more_bands_bring_the_colours_closer() {
-    // Limits on the mean ΔE2000 with 8 and with 32 bands.
-    for (name, limits) in
-        [("D65", [2.0, 0.13]), ("A", [2.0, 0.13]), ("LED-B3", [2.0, 0.13]), ("FL11", [3.2, 0.2])]
-    {
+    let table = WavelengthTable::measure().unwrap();
+    println!("{table}");
+    // Limits on the mean and the worst CIEDE2000 of light reflected once, under any of the lights.
+    let limits = [("8", 1.5, 4.0), ("16", 0.4, 0.8), ("32", 0.1, 0.25), ("80", 0.05, 0.15)];
+    for (choice, mean, worst) in limits {
+        let row = table.0.iter().find(|row| row.wavelengths == choice).unwrap();
+        for (light, error) in LIGHTS.iter().zip(&row.once) {
+            assert!(error.mean < mean && error.worst < worst, "{choice} {light} {error:?}");
+        }
+    }
+}
+
+#[test]
+fn spiky_light_does_not_alias() {
+    // Bands whose products of light and reflectance are averaged, beside bands whose reflectance is.
+    let light = library::illuminant("FL11").unwrap();
+    for count in [4, 8, 16, 32] {
+        let wavelengths = Wavelengths::bands(count).unwrap();
+        let plain = patch_errors(&wavelengths, &light, &wavelengths.sample_emission(&light), false);
+        let averaged = colour_error(&wavelengths, &light, 1);
+        println!("{count}: reflectance averaged {:.2}, product {:.2}", plain[2], averaged.mean);
+        assert!(averaged.mean < 0.6 * plain[2], "{count}: {averaged:?} {plain:?}");
+    }
+}
+
+#[test]
+fn what_is_white_under_a_lamp_has_the_lamps_colour() {
+    for name in library::illuminant_names() {
         let light = library::illuminant(name).unwrap();
-        let error = |count| {
-            let wavelengths = Wavelengths::bands(count).unwrap();
-            patch_errors(&wavelengths, &light, &wavelengths.sample_emission(&light), false)
-        };
-        let (few, many) = (error(8), error(32));
-        assert!(few[2] < limits[0] && many[2] < limits[1], "{name} {few:?} {many:?}");
+        for wavelengths in
+            [4, 8, 16, 80].map(|n| Wavelengths::bands(n).unwrap()).into_iter().chain([Wavelengths::meyer4()])
+        {
+            let wavelengths = wavelengths.under(&light);
+            let lamp = wavelengths.sample_emission(&light);
+            let white = wavelengths.sample(&Spectrum::Constant(0.9));
+            let reflected: Vec<f64> = lamp.iter().zip(white).map(|(s, r)| s * r).collect();
+            let (found, exact) = (wavelengths.xyz(&reflected), xyz_of(&light));
+            for c in 0..3 {
+                assert!((found[c] / (0.9 * exact[c]) - 1.0).abs() < 1e-8, "{name} {}", wavelengths.len());
+            }
+        }
     }
 }

@@ -90,7 +90,7 @@ pub struct Lighting {
     /// Preset that the other options then change
     #[arg(long, value_enum, default_value_t = QualityArg::Standard)]
     pub quality: QualityArg,
-    /// meyer4, or how many equal bands from 380 to 780 nm [default: the preset's, meyer4 in standard]
+    /// meyer4, or how many bands from 380 to 780 nm [default: the preset's, 8 in standard]
     #[arg(long, value_name = "meyer4|N")]
     pub wavelengths: Option<String>,
     /// Form factors [default: the preset's, analytic in standard]

@@ -10,6 +10,7 @@ use luxgraph::report::paper_tables::{
 use luxgraph::report::{Machine, peak_memory_bytes, write_json};
 use luxgraph::second_pass::Passes;
 use luxgraph::settings::Settings;
+use luxgraph::spectrum::Wavelengths;
 use luxgraph::visibility::{GraphSettings, GraphStats, VisibilityGraph};
 use luxgraph::{pipeline, scene};
 use serde::Serialize;
@@ -34,7 +35,8 @@ struct Report {
 /// The paper's tables beside ours, and the second pass at 640 x 480 with 16 samples a pixel.
 pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()> {
     let scene = scene::load(path)?;
-    let mut settings = Settings { tracer: tracer_choice(tracer), ..Settings::default() };
+    let mut settings =
+        Settings { tracer: tracer_choice(tracer), wavelengths: Wavelengths::meyer4(), ..Settings::default() };
     settings.second_pass.passes = Passes::Both;
     settings.second_pass.samples = 16;
     settings.first_pass.count_visibility_calls = true;

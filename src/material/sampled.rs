@@ -130,18 +130,24 @@ fn stored(x: f64) -> f32 {
     (x.max(0.0) as f32).min(f32::MAX)
 }
 
+impl Emission {
+    /// What makes the spectrum the radiance L^E, W m⁻² sr⁻¹ nm⁻¹, where surfaces of `area`, m², wear the
+    /// material; not negative.
+    pub fn factor(&self, area: f64) -> f64 {
+        let of_luminance = |luminance: f64| luminance / luminance_of(&self.spectrum);
+        let factor = match self.level {
+            Level::Radiance(factor) => factor,
+            Level::Luminance(luminance) => of_luminance(luminance),
+            Level::LuminousFlux(flux) => of_luminance(flux / (PI * area)),
+            Level::LuminousIntensity(intensity) => of_luminance(intensity / area),
+        };
+        // Darkness and surfaces without area give nothing, whatever is asked of them.
+        if factor.is_finite() { factor.max(0.0) } else { 0.0 }
+    }
+}
+
 /// Sampled L^E, W m⁻² sr⁻¹ nm⁻¹. The luminance asked for is met exactly by the weights of `wavelengths`.
 fn radiance(emission: &Emission, wavelengths: &Wavelengths, area: f64) -> Vec<f32> {
-    let of_luminance = |luminance: f64| {
-        let own = luminance_of(&emission.spectrum);
-        if own > 0.0 { luminance / own } else { 0.0 }
-    };
-    let factor = match emission.level {
-        Level::Radiance(factor) => factor,
-        Level::Luminance(luminance) => of_luminance(luminance),
-        Level::LuminousFlux(flux) if area > 0.0 => of_luminance(flux / (PI * area)),
-        Level::LuminousIntensity(intensity) if area > 0.0 => of_luminance(intensity / area),
-        Level::LuminousFlux(_) | Level::LuminousIntensity(_) => 0.0,
-    };
+    let factor = emission.factor(area);
     wavelengths.sample_emission(&emission.spectrum).into_iter().map(|s| stored(factor * s)).collect()
 }

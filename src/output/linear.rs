@@ -70,7 +70,7 @@ mod tests {
 
     fn image(xyz_weights: Vec<[f64; 3]>, radiance: Vec<f32>) -> SpectralImage {
         let n = xyz_weights.len();
-        let wavelengths = Wavelengths { nm: vec![500.0; n], bands: vec![[500.0; 2]; n], xyz_weights };
+        let wavelengths = Wavelengths::points(vec![500.0; n], xyz_weights);
         SpectralImage { width: (radiance.len() / n) as u32, height: 1, wavelengths, radiance }
     }
 

@@ -2,6 +2,7 @@
 
 pub mod machine;
 pub mod paper_tables;
+pub mod wavelength_table;
 
 pub use machine::{Machine, peak_memory_bytes};
 

@@ -64,15 +64,20 @@ pub enum LightLevel {
 }
 
 impl LightSource {
-    /// Largest spectral intensity at `wavelengths`, W sr⁻¹ nm⁻¹: `[W]`, finite and not negative. The
-    /// luminous amount is met exactly by the weights of `wavelengths`.
-    pub fn sample(&self, distribution: &Distribution, wavelengths: &Wavelengths) -> Vec<f32> {
+    /// What makes the spectrum the largest intensity, W sr⁻¹ nm⁻¹; not negative.
+    pub fn factor(&self, distribution: &Distribution) -> f64 {
         let intensity = match self.level {
             LightLevel::LuminousFlux(flux) => flux / distribution.solid_angle(),
             LightLevel::LuminousIntensity(intensity) => intensity,
         };
-        let own = luminance_of(&self.spectrum);
-        let factor = if own > 0.0 { intensity / own } else { 0.0 };
+        let factor = intensity / luminance_of(&self.spectrum);
+        if factor.is_finite() { factor.max(0.0) } else { 0.0 }
+    }
+
+    /// Largest spectral intensity at `wavelengths`, W sr⁻¹ nm⁻¹: `[W]`, finite and not negative. The
+    /// luminous amount is met exactly by the weights of `wavelengths`.
+    pub fn sample(&self, distribution: &Distribution, wavelengths: &Wavelengths) -> Vec<f32> {
+        let factor = self.factor(distribution);
         let stored = |s: f64| ((factor * s).max(0.0) as f32).min(f32::MAX);
         wavelengths.sample_emission(&self.spectrum).into_iter().map(stored).collect()
     }

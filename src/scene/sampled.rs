@@ -3,7 +3,8 @@
 use super::{Appearance, Geometry, MaterialId};
 use crate::geometry::SurfaceId;
 use crate::material::SampledMaterial;
-use crate::spectrum::Wavelengths;
+use crate::spectrum::{Spectrum, Wavelengths};
+use std::f64::consts::PI;
 
 /// All materials as a run sees them.
 #[derive(Clone, Debug)]
@@ -27,15 +28,32 @@ impl SampledAppearance {
 }
 
 impl Appearance {
-    /// All materials at `wavelengths`, with `fresnel_entries` angles in their tables (see
-    /// [`DEFAULT_ENTRIES`](crate::material::DEFAULT_ENTRIES)). The luminous flux of a material is shared by all surfaces
-    /// of `geometry` that wear it, both sides of those that are two-sided.
+    /// All materials at `wavelengths` under the scene's own light ([`Wavelengths::under`]), with
+    /// `fresnel_entries` angles in their tables (see [`DEFAULT_ENTRIES`](crate::material::DEFAULT_ENTRIES)). The
+    /// luminous flux of a material is shared by all surfaces of `geometry` that wear it, both sides of
+    /// those that are two-sided.
     pub fn sample(
         &self,
         geometry: &Geometry,
         wavelengths: &Wavelengths,
         fresnel_entries: usize,
     ) -> SampledAppearance {
+        let areas = self.areas(geometry);
+        let wavelengths = wavelengths.under(&self.light(geometry, &areas));
+        SampledAppearance {
+            materials: (self.materials.iter().zip(areas))
+                .map(|(material, area)| material.sample(&wavelengths, fresnel_entries, area))
+                .collect(),
+            surface_material: self.surface_material.clone(),
+            lights: (self.lights.iter().zip(&geometry.lights))
+                .map(|(source, light)| source.sample(&light.distribution, &wavelengths))
+                .collect(),
+            wavelengths,
+        }
+    }
+
+    /// By material: the area of all surfaces that wear it, m², both sides of those that are two-sided.
+    fn areas(&self, geometry: &Geometry) -> Vec<f64> {
         let mut areas = vec![0.0; self.materials.len()];
         for ((surface, two_sided), material) in
             geometry.surfaces.iter().zip(&geometry.two_sided).zip(&self.surface_material)
@@ -44,15 +62,18 @@ impl Appearance {
                 *area += if *two_sided { 2.0 * surface.area } else { surface.area };
             }
         }
-        SampledAppearance {
-            materials: (self.materials.iter().zip(areas))
-                .map(|(material, area)| material.sample(wavelengths, fresnel_entries, area))
-                .collect(),
-            wavelengths: wavelengths.clone(),
-            surface_material: self.surface_material.clone(),
-            lights: (self.lights.iter().zip(&geometry.lights))
-                .map(|(source, light)| source.sample(&light.distribution, wavelengths))
-                .collect(),
-        }
+        areas
+    }
+
+    /// The flux of all that emits, W nm⁻¹, at 380, 381, ... 780 nm.
+    fn light(&self, geometry: &Geometry, areas: &[f64]) -> Spectrum {
+        let surfaces = self.materials.iter().zip(areas).filter_map(|(material, &area)| {
+            let emission = material.emission.as_ref().filter(|_| area > 0.0)?;
+            Some((&emission.spectrum, PI * area * emission.factor(area)))
+        });
+        let points = self.lights.iter().zip(&geometry.lights).map(|(source, light)| {
+            (&source.spectrum, light.distribution.solid_angle() * source.factor(&light.distribution))
+        });
+        Spectrum::sum(surfaces.chain(points))
     }
 }

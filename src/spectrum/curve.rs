@@ -1,5 +1,7 @@
 //! A quantity as a function of wavelength.
 
+use super::standard_observer::nanometres;
+
 /// A quantity as a function of wavelength.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
@@ -91,6 +93,26 @@ impl Spectrum {
             Spectrum::Constant(_) => None,
             Spectrum::Tabulated { nm, .. } => Some([*nm.first()?, *nm.last()?]),
         }
+    }
+
+    /// Σ factor × spectrum over the visible range, sampled at every nanometre of it; what is negative in
+    /// the parts counts as 0.
+    pub fn sum<'a>(parts: impl Iterator<Item = (&'a Spectrum, f64)>) -> Spectrum {
+        let nm: Vec<f64> = nanometres().collect();
+        let mut value = vec![0.0; nm.len()];
+        for (spectrum, factor) in parts {
+            for (sum, &nm) in value.iter_mut().zip(&nm) {
+                *sum += factor * spectrum.over_nanometre(nm).max(0.0);
+            }
+        }
+        Spectrum::Tabulated { nm, value }
+    }
+
+    /// The product with f(λ) over the visible range, sampled at every nanometre of it.
+    pub fn times(&self, f: impl Fn(f64) -> f64) -> Spectrum {
+        let nm: Vec<f64> = nanometres().collect();
+        let value = nm.iter().map(|&nm| self.over_nanometre(nm) * f(nm)).collect();
+        Spectrum::Tabulated { nm, value }
     }
 
     /// The value that stands for the nanometre around `nm` in a sum by steps of 1 nm: the value

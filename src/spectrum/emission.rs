@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 
 /// See [`Wavelengths::sample_emission`].
 pub(super) fn sample(wavelengths: &Wavelengths, spectrum: &Spectrum) -> Vec<f64> {
-    let plain: Vec<f64> = wavelengths.sample(spectrum).into_iter().map(|s| s.max(0.0)).collect();
+    let plain: Vec<f64> = wavelengths.bands.iter().map(|&[lo, hi]| spectrum.mean(lo, hi).max(0.0)).collect();
     let exact = xyz_of(spectrum);
     if let Some(moved) = moved_to(wavelengths, &plain, exact) {
         return moved;

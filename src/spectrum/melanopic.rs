@@ -1,72 +1,65 @@
 //! Melanopic equivalent daylight illuminance (CIE S 026): the illuminance of D65 that would act on
 //! melanopsin as the light at hand does.
 
-use super::standard_observer::RANGE_NM;
-use super::{LUMENS_PER_WATT, Spectrum, Wavelengths, library, table};
+use super::standard_observer::nanometres;
+use super::{Spectrum, Wavelengths, library, table};
 use std::sync::LazyLock;
 
 /// The action spectrum at 380, 381, ... 780 nm, 1 at its peak.
-static ACTION: LazyLock<Spectrum> = LazyLock::new(|| {
+static ACTION: LazyLock<Vec<[f64; 1]>> = LazyLock::new(|| {
     let columns = table::columns(include_str!("data/melanopic_s026_1nm.csv"));
-    columns.into_iter().next().map_or(Spectrum::Constant(0.0), |(_, spectrum)| spectrum)
+    nanometres().map(|nm| [columns[0].1.at(nm)]).collect()
 });
+
+/// ∫ D65 s dλ over its luminance, W/lm: the efficacy of daylight.
+static DAYLIGHT: LazyLock<f64> =
+    LazyLock::new(|| library::illuminant("D65").map_or(f64::INFINITY, |d65| efficacy(&d65)));
+
+/// The melanopic action spectrum at 380, 381, ... 780 nm, 1 at its peak: `[401]`.
+pub(super) fn action() -> &'static [[f64; 1]] {
+    &ACTION
+}
+
+/// Melanopic irradiance per illuminance, W/lm.
+fn efficacy(spectrum: &Spectrum) -> f64 {
+    let sum: f64 = nanometres().zip(action()).map(|(nm, [s])| s * spectrum.over_nanometre(nm)).sum();
+    sum / super::luminance_of(spectrum)
+}
+
+/// Weights for point samples at `nm`: the integrals of the action spectrum against the curve that is
+/// linear between the samples and constant beyond them.
+pub(super) fn point_weights(samples: &[f64]) -> Vec<f64> {
+    let mut weights = vec![0.0; samples.len()];
+    for (nm, [action]) in nanometres().zip(action()) {
+        let after = samples.partition_point(|&x| x <= nm);
+        match (after.checked_sub(1), samples.get(after)) {
+            (Some(before), Some(&next)) => {
+                let share = (nm - samples[before]) / (next - samples[before]);
+                weights[before] += (1.0 - share) * action;
+                weights[after] += share * action;
+            }
+            (Some(before), None) => weights[before] += action,
+            (None, _) => weights.first_mut().into_iter().for_each(|w| *w += action),
+        }
+    }
+    weights
+}
 
 impl Wavelengths {
     /// Melanopic equivalent daylight illuminance of a sampled irradiance `[len()]`, W m⁻² nm⁻¹, in lx.
     ///
-    /// The same sums are applied to D65 itself, so 100 lx of D65 are 100 lx at any choice of
-    /// wavelengths. Other lights follow their full spectra within 0.5 % from 16 bands on; four wavelengths
-    /// give an estimate only, since none of their weights was made for this action spectrum.
+    /// It follows the full spectra within 0.5 % from 16 bands on; four wavelengths give an estimate only,
+    /// since none of their weights was made for this action spectrum.
     pub fn melanopic_edi<T: Copy + Into<f64>>(&self, irradiance: &[T]) -> f64 {
-        let weights = self.melanopic_weights();
-        let sum = |values: &mut dyn Iterator<Item = f64>| -> f64 {
-            weights.iter().zip(values).map(|(w, v)| w * v).sum()
-        };
-        let Some(daylight) = library::illuminant("D65").map(|d65| self.sample_emission(&d65)) else {
-            return 0.0;
-        };
-        let efficacy = sum(&mut daylight.iter().copied()) / self.xyz(&daylight)[1];
-        let edi = sum(&mut irradiance.iter().map(|&e| e.into())) / efficacy;
-        if edi.is_finite() { edi } else { 0.0 }
-    }
-
-    /// Weights, nm: Σ w E(λ_i) stands for ∫ E s dλ with the action spectrum s. For bands its integrals; for
-    /// point samples those of s against the curve that is linear between the samples and constant
-    /// beyond them.
-    fn melanopic_weights(&self) -> Vec<f64> {
-        let [first, last] = RANGE_NM;
-        if self.bands.iter().all(|[lo, hi]| lo < hi) {
-            let clip = |x: f64| x.clamp(first, last);
-            return self.bands.iter().map(|&[lo, hi]| ACTION.mean(lo, hi) * (clip(hi) - clip(lo))).collect();
-        }
-        let mut weights = vec![0.0; self.len()];
-        for nm in (first as u32..=last as u32).map(f64::from) {
-            let after = self.nm.partition_point(|&x| x <= nm);
-            let action = ACTION.at(nm);
-            match (after.checked_sub(1), self.nm.get(after)) {
-                (Some(before), Some(&next)) => {
-                    let share = (nm - self.nm[before]) / (next - self.nm[before]);
-                    weights[before] += (1.0 - share) * action;
-                    weights[after] += share * action;
-                }
-                (Some(before), None) => weights[before] += action,
-                (None, _) => weights.first_mut().into_iter().for_each(|w| *w += action),
-            }
-        }
-        weights
+        let sum: f64 = self.melanopic_weights.iter().zip(irradiance).map(|(w, &e)| w * e.into()).sum();
+        sum / *DAYLIGHT
     }
 }
 
 /// Melanopic equivalent daylight illuminance per illuminance of a full spectrum: the melanopic
 /// daylight efficacy ratio, by sums at 1 nm. 1 for D65, 0 for darkness.
 pub fn melanopic_ratio(spectrum: &Spectrum) -> f64 {
-    let efficacy = |s: &Spectrum| {
-        let sum: f64 = (RANGE_NM[0] as u32..=RANGE_NM[1] as u32)
-            .map(|nm| ACTION.at(nm.into()) * s.over_nanometre(nm.into()))
-            .sum();
-        LUMENS_PER_WATT * sum / super::luminance_of(s)
-    };
-    let ratio = library::illuminant("D65").map_or(0.0, |d65| efficacy(spectrum) / efficacy(&d65));
+    let ratio = efficacy(spectrum) / *DAYLIGHT;
     if ratio.is_finite() { ratio } else { 0.0 }
 }
 

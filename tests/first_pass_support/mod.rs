@@ -15,11 +15,7 @@ use luxgraph::visibility::VisibilityGraph;
 pub const W: usize = 3;
 
 pub fn wavelengths() -> Wavelengths {
-    Wavelengths {
-        nm: vec![450.0, 550.0, 650.0],
-        bands: vec![[400.0, 500.0], [500.0, 600.0], [600.0, 700.0]],
-        xyz_weights: vec![[1.0; 3]; W],
-    }
+    Wavelengths::points(vec![450.0, 550.0, 650.0], vec![[1.0; 3]; W])
 }
 
 /// Factor `k` scales the wavelengths apart, so that mixing them up shows.
