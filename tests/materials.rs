@@ -10,7 +10,7 @@ use luxgraph::material::{
 use luxgraph::scene::{Appearance, Geometry, MaterialId, ObjectId};
 use luxgraph::spectrum::{Spectrum, Wavelengths, library, xyz_of};
 use serde_json::Value;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap()
@@ -58,29 +58,68 @@ fn the_fresnel_factor_from_inside_is_exact() {
     }
 }
 
-/// What the appendix's short cuts cost is what an independent computation found.
+/// What the appendix's first method costs is what an independent computation found: up to 0.13
+/// for gold in the blue.
 #[test]
-fn the_appendix_errs_as_much_as_expected() {
+fn the_first_method_errs_as_much_as_expected() {
     let data = &expected_fresnel()["paper_appendix_errors"]["materials"];
-    let mut worst: f64 = 0.0;
     for (name, lines) in data.as_object().unwrap() {
         let Some((n, k)) = library::refractive_index(name) else { panic!("{name} is not built in") };
         for (nm, errors) in lines.as_object().unwrap() {
             let nm: f64 = nm.parse().unwrap();
-            let exact = |_: usize, cos: f64| fresnel::unpolarised(cos, n.at(nm), k.at(nm));
-            let found = table_error(&FresnelTable::new(1, PAPER_ENTRIES, exact), exact).max_abs;
-            let expected = number(&errors["table20_uniform_cosine_max_abs_error"]);
-            assert!(close(found, expected, 1e-6 + 1e-3 * expected), "{name} {nm}: {found} {expected}");
-            worst = worst.max(found);
-
-            let method1 = |_: usize, cos: f64| fresnel::scaled(cos, exact(0, 1.0), n.at(589.3), k.at(589.3));
-            let first = (0..=1800).map(|i| (0.05 * f64::from(i)).to_radians().cos());
-            let found = first.map(|cos| (method1(0, cos) - exact(0, cos)).abs()).fold(0.0, f64::max);
+            let exact = |cos: f64| fresnel::unpolarised(cos, n.at(nm), k.at(nm));
+            let method1 = |cos: f64| fresnel::scaled(cos, exact(1.0), n.at(589.3), k.at(589.3));
+            let found = (0..=1800).map(|i| (0.05 * f64::from(i)).to_radians().cos());
+            let found = found.map(|cos| (method1(cos) - exact(cos)).abs()).fold(0.0, f64::max);
             let expected = number(&errors["method1_max_abs_error"]);
             assert!(close(found, expected, 1e-6), "{name} {nm}: {found} {expected}");
+            println!("first method, {name} at {nm} nm: off by {found:.4}");
         }
     }
-    assert!(close(worst, 0.011, 1e-3), "{worst}");
+}
+
+/// Largest error of linear interpolation in x between `entries` equal steps of x from 0 to 1, where
+/// the cosine of the angle of incidence is `cos_of(x)` and `x_of` its inverse.
+fn interpolation_error(
+    entries: usize,
+    cos_of: impl Fn(f64) -> f64,
+    x_of: impl Fn(f64) -> f64,
+    exact: impl Fn(f64) -> f64,
+) -> f64 {
+    let last = entries - 1;
+    let error = |cos: f64| {
+        let x = x_of(cos) * last as f64;
+        let slot = (x as usize).min(last - 1);
+        let node = |k: usize| exact(cos_of(k as f64 / last as f64));
+        let f = x - slot as f64;
+        ((1.0 - f) * node(slot) + f * node(slot + 1) - exact(cos)).abs()
+    };
+    (0..=1800).map(|i| error((0.05 * f64::from(i)).to_radians().cos())).fold(0.0, f64::max)
+}
+
+/// The paper's 20 entries, spaced in three ways.
+#[test]
+fn the_tables_spacing_is_the_best() {
+    let [mut angle, mut cosine, mut root, mut table] = [0.0_f64; 4];
+    for name in library::refractive_index_names() {
+        let (n, k) = library::refractive_index(name).unwrap();
+        for nm in [400.0, 456.4, 490.9, 557.7, 631.4, 700.0] {
+            let exact = |cos: f64| fresnel::unpolarised(cos, n.at(nm), k.at(nm));
+            let error = |cos_of: fn(f64) -> f64, x_of: fn(f64) -> f64| {
+                interpolation_error(PAPER_ENTRIES, cos_of, x_of, exact)
+            };
+            angle = angle.max(error(|x| (x * FRAC_PI_2).cos(), |cos| cos.acos() / FRAC_PI_2));
+            cosine = cosine.max(error(|x| 1.0 - x, |cos| 1.0 - cos));
+            root = root.max(error(|x| (1.0 - x).powi(2), |cos| 1.0 - cos.sqrt()));
+            let by_cos = |_: usize, cos: f64| exact(cos);
+            table = table.max(table_error(&FresnelTable::new(1, PAPER_ENTRIES, by_cos), by_cos).max_abs);
+        }
+    }
+    println!(
+        "{PAPER_ENTRIES} entries equally spaced in angle {angle:.4}, cosine {cosine:.4}, its root {root:.4}"
+    );
+    assert!((table / root - 1.0).abs() < 0.01, "{table} {root}");
+    assert!(4.0 * table < cosine && 4.0 * table < angle && table < 0.005);
 }
 
 fn opaque(name: &str, s: f64, m: f64) -> Material {
@@ -90,14 +129,14 @@ fn opaque(name: &str, s: f64, m: f64) -> Material {
 }
 
 #[test]
-fn default_tables_are_within_a_thousandth() {
+fn default_tables_are_within_a_ten_thousandth() {
     let wavelengths = Wavelengths::bands(16).unwrap();
     for name in library::refractive_index_names() {
         let material = opaque(name, 1.0, 0.1);
         let Body::Opaque { fresnel, .. } = &material.body else { unreachable!() };
         let table = material.sample(&wavelengths, DEFAULT_ENTRIES, 0.0).reflect;
         let error = table_error(&table, |w, cos| wavelengths.average(w, |nm| fresnel.at(nm, cos)));
-        assert!(error.max_abs < 1e-3, "{name} {error:?}");
+        assert!(error.max_abs < 1e-4, "{name} {error:?}");
     }
 }
 
@@ -283,6 +322,23 @@ fn odd_materials_stay_within_bounds() {
                 );
                 assert!((0.0..=1.0).contains(&sampled.s) && sampled.m >= 0.0);
             }
+        }
+    }
+}
+
+/// At no roughness and angle does a rough mirror return more than it gets, and as m goes to 0 it
+/// returns all.
+#[test]
+fn rough_reflection_never_gains_energy_and_joins_the_mirror() {
+    for degrees in [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0, 89.0, 89.9, 89.9999] {
+        let cos = f64::to_radians(degrees).cos();
+        let albedo = |m: f64| directional_albedo(m, cos);
+        for m in [0.0, 1e-6, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3, 0.6, 1.0, 1.5, 2.0, 10.0] {
+            assert!((0.0..=1.0).contains(&albedo(m)), "m {m} at {degrees}: {}", albedo(m));
+        }
+        // Away from grazing nothing is lost but what the steepest facets send below the horizon.
+        for m in [1e-6, 1e-4, 1e-3] {
+            assert!(1.0 - albedo(m) < 0.2 * m / cos, "m {m} at {degrees}: {}", albedo(m));
         }
     }
 }

@@ -42,7 +42,7 @@ impl LobeTable {
     pub fn slots(&self, cosine: &Lanes) -> ([i32; LANES], Lanes) {
         let (mut slot, mut f) = ([0; LANES], [0.0; LANES]);
         for l in 0..LANES {
-            let x = (1.0 - cosine[l].clamp(0.0, 1.0)) * self.last as f32;
+            let x = (1.0 - cosine[l].clamp(0.0, 1.0).sqrt()) * self.last as f32;
             slot[l] = (x as i32).min(self.last as i32 - 1);
             f[l] = x - slot[l] as f32;
         }

@@ -5,7 +5,7 @@ use crate::spectrum::{Wavelengths, luminance_of};
 use std::f64::consts::PI;
 
 /// Entries of the table met from inside a solid: F leaves its plateau of 1 at the critical angle with a
-/// vertical tangent, which equal steps follow poorly (off by up to 0.13 within 0.2 degrees of that angle with this
+/// vertical tangent, which equal steps follow poorly (off by up to 0.12 within 0.2 degrees of that angle with this
 /// many). Where the refracted direction is known, the outside factor at its cosine is the same number without
 /// that error; [`fresnel::inside`] is exact.
 const INSIDE_ENTRIES: usize = 1024;
