@@ -152,3 +152,30 @@ fn a_slab_of_glass_lets_through_what_fresnel_says() {
         }
     }
 }
+
+/// Every face of a closed box glows with E and reflects ρ, so everything in it is seen at
+/// E / (1 - ρ): walls, and whatever takes nothing away, by reflection or by transmission.
+#[test]
+fn nothing_that_does_not_absorb_is_seen_in_a_furnace() {
+    let grey = "[materials.grey]\nreflectance = 0.5\nemission = { spectrum = 1.0, radiance = 0.5 }\n\
+                [materials.solid]\nsolid = { index = 1.52 }\n[materials.pane]\npane = { index = 1.52 , thickness_m = 0.004 }\n\
+                [materials.mirror]\nspecular = 1.0\nfresnel = { n = 1.0, k = 1e9 }\n";
+    let walls = object("walls", "grey", &inside(LO, HI));
+    let block = faces([0.5, 0.3, 0.2], [0.8, 0.7, 0.6]);
+    for things in [
+        object("block", "solid", &block),
+        object("sheet", "pane", &[block[0]]),
+        object("plate", "mirror", &block),
+        object("block", "solid", &block)
+            + &object("plate", "mirror", &faces([0.3, 0.1, 0.1], [0.4, 0.2, 0.6])),
+    ] {
+        let scene = scene(&format!("{grey}{walls}{things}"));
+        for image in views(&scene, &camera([0.1, 0.45, 0.6], [0.7, 0.5, 0.4], 70.0)) {
+            let error = |l: &f32| (f64::from(*l) - 1.0).abs();
+            let worst = image.radiance.iter().map(error).fold(0.0, f64::max);
+            let mean = image.radiance.iter().map(error).sum::<f64>() / image.radiance.len() as f64;
+            println!("furnace: mean error {mean:.5}, worst {worst:.5}");
+            assert!(mean < 0.005 && worst < 0.03, "mean error {mean}, worst {worst}");
+        }
+    }
+}

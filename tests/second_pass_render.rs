@@ -21,10 +21,7 @@ fn wavelengths() -> Wavelengths {
 }
 
 fn table(f: impl Fn(f64) -> f64) -> FresnelTable {
-    let entries = 257;
-    let cos = |e: usize| 1.0 - e as f64 / (entries - 1) as f64;
-    let values = (0..entries).flat_map(|e| [f(cos(e)) as f32; W]).collect();
-    FresnelTable { wavelengths: W, values }
+    FresnelTable::new(W, 257, |_, cos| f(cos))
 }
 
 /// Unpolarised reflectance where `eta` is the index beyond over the index here.
