@@ -50,10 +50,7 @@ pub fn pane(reflect: f32, transmit: f32) -> SampledMaterial {
 
 /// A solid of index `n` with the exact Fresnel factors of a dielectric.
 pub fn solid(n: f64, absorption: f32) -> SampledMaterial {
-    let fresnel = |n: f64| {
-        let values = (0..200 * W).map(|i| dielectric(1.0 - (i / W) as f64 / 199.0, n) as f32).collect();
-        FresnelTable { wavelengths: W, values }
-    };
+    let fresnel = |n: f64| FresnelTable::new(W, 200, |_, cosine| dielectric(cosine, n));
     SampledMaterial {
         s: 1.0,
         reflect: fresnel(n),
