@@ -20,6 +20,8 @@ enum { PACKET = 16 };
 struct lux_scene {
     RTCDevice device;
     RTCScene scene;
+    /* The corners of each quad, four points each, for the filter. */
+    float *corners;
 };
 
 /* Embree 4.3 appended instPrimID to its hits, one word per ray. The headers may be older than the library
@@ -89,8 +91,58 @@ uint32_t lux_version(void) {
     return version;
 }
 
+/* Whether a ray that Embree says meets a triangle of a quad can do so. For a triangle in whose plane the ray runs all
+ * of Embree's tests are noise, and it reports hits on quads far beside the ray (28 of 2e8 rays, half of them made to
+ * graze): in double precision the ray must cross the plane within its limits, and do so in the quad's box. */
+static int can_meet(const float *quad, int second, const float *origin, const float *direction, const float *limits) {
+    const float *a = quad + (second ? 6 : 0), *b = quad + (second ? 9 : 3), *c = quad + (second ? 3 : 9);
+    double u[3], v[3], w[3];
+    for (int k = 0; k < 3; k++) {
+        u[k] = (double)b[k] - a[k];
+        v[k] = (double)c[k] - a[k];
+        w[k] = (double)a[k] - origin[k];
+    }
+    double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    double speed = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
+    if (speed == 0.0) return 0;
+    double t = (n[0] * w[0] + n[1] * w[1] + n[2] * w[2]) / speed;
+    if (!(t >= limits[0] && t <= limits[1])) return 0;
+    for (int k = 0; k < 3; k++) {
+        double place = origin[k] + t * direction[k];
+        double low = quad[k], high = quad[k];
+        for (int corner = 1; corner < 4; corner++) {
+            double x = quad[3 * corner + k];
+            if (x < low) low = x;
+            if (x > high) high = x;
+        }
+        if (!(place >= low - LUX_ROUNDING && place <= high + LUX_ROUNDING)) return 0;
+    }
+    return 1;
+}
+
+/* Embree calls this before it believes that a ray is blocked, or some rays of a packet. That costs about a third of the
+ * rate (12.3 to 8.8 M segments/s scattered, 24 to 16.5 M in tiles of neighbours, two shared cores), nearly all of it
+ * for being called; closest hits are confirmed by the caller instead. The layout of rays and hits, one column of
+ * N values after the other, is the same in Embree 3 and 4. */
+static void filter(const struct RTCFilterFunctionNArguments *args) {
+    const float *corners = args->geometryUserPtr;
+    const float *ray = (const float *)args->ray, *hit = (const float *)args->hit;
+    const uint32_t *ids = (const uint32_t *)args->hit;
+    unsigned n = args->N;
+    for (unsigned i = 0; i < n; i++) {
+        if (args->valid[i] == 0) continue;
+        float origin[3] = {ray[i], ray[n + i], ray[2 * n + i]};
+        float direction[3] = {ray[4 * n + i], ray[5 * n + i], ray[6 * n + i]};
+        /* tfar is that of the hit by now; the ray's own is where fill1 and fill16 kept it. */
+        float limits[2] = {ray[3 * n + i], ray[10 * n + i]};
+        int second = hit[3 * n + i] + hit[4 * n + i] > 1.0f;
+        uint32_t quad = ids[5 * n + i];
+        if (!can_meet(corners + 12 * (uint64_t)quad, second, origin, direction, limits)) args->valid[i] = 0;
+    }
+}
+
 static void attach_quads(RTCDevice device, RTCScene scene, const float *vertices, uint64_t vertex_count,
-                         const uint32_t *quads, uint64_t quad_count) {
+                         const uint32_t *quads, uint64_t quad_count, float *corners) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_QUAD);
     if (!geometry) return;
     /* Buffers that Embree allocates itself carry the padding that its 16-byte loads need. */
@@ -103,6 +155,8 @@ static void attach_quads(RTCDevice device, RTCScene scene, const float *vertices
         memcpy(q, quads, quad_count * 4 * sizeof(uint32_t));
         /* Embree 4 starts with a mask of 1, Embree 3 with all bits. */
         rtcSetGeometryMask(geometry, 0xFFFFFFFFu);
+        rtcSetGeometryUserData(geometry, corners);
+        rtcSetGeometryOccludedFilterFunction(geometry, filter);
         rtcCommitGeometry(geometry);
         rtcAttachGeometry(scene, geometry);
     }
@@ -113,10 +167,14 @@ lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uin
                          uint64_t quad_count, char *message) {
     message[0] = '\0';
     lux_scene *made = calloc(1, sizeof *made);
-    if (!made) {
+    if (made) made->corners = calloc(quad_count + 1, 12 * sizeof(float));
+    if (!made || !made->corners) {
         snprintf(message, LUX_MESSAGE_BYTES, "out of memory");
+        lux_scene_free(made);
         return NULL;
     }
+    for (uint64_t i = 0; i < 4 * quad_count; i++)
+        memcpy(made->corners + 3 * i, vertices + 3 * (uint64_t)quads[i], 3 * sizeof(float));
     made->device = rtcNewDevice(NULL);
     if (!made->device) {
         keep_message(message, rtcGetDeviceError(NULL), "no device could be made");
@@ -127,7 +185,7 @@ lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uin
     made->scene = rtcNewScene(made->device);
     if (made->scene) {
         rtcSetSceneFlags(made->scene, RTC_SCENE_FLAG_ROBUST);
-        if (quad_count > 0) attach_quads(made->device, made->scene, vertices, vertex_count, quads, quad_count);
+        if (quad_count > 0) attach_quads(made->device, made->scene, vertices, vertex_count, quads, quad_count, made->corners);
         rtcCommitScene(made->scene);
     }
     /* The message belongs to the caller and is about to go out of reach. */
@@ -143,6 +201,7 @@ void lux_scene_free(lux_scene *scene) {
     if (!scene) return;
     if (scene->scene) rtcReleaseScene(scene->scene);
     if (scene->device) rtcReleaseDevice(scene->device);
+    free(scene->corners);
     free(scene);
 }
 
@@ -150,7 +209,8 @@ static void fill1(struct RTCRay *to, const lux_ray *from) {
     to->org_x = from->origin[0], to->org_y = from->origin[1], to->org_z = from->origin[2];
     to->dir_x = from->direction[0], to->dir_y = from->direction[1], to->dir_z = from->direction[2];
     to->tnear = from->t_min, to->tfar = from->t_max;
-    to->time = 0.0f, to->mask = 0xFFFFFFFFu, to->id = 0, to->flags = 0;
+    to->time = 0.0f, to->mask = 0xFFFFFFFFu, to->flags = 0;
+    memcpy(&to->id, &from->t_max, sizeof to->id);
 }
 
 /* Fills lane i of a packet; the lane takes part unless its ray is empty. */
@@ -158,7 +218,8 @@ static void fill16(struct RTCRay16 *to, int *valid, int i, const lux_ray *from) 
     to->org_x[i] = from->origin[0], to->org_y[i] = from->origin[1], to->org_z[i] = from->origin[2];
     to->dir_x[i] = from->direction[0], to->dir_y[i] = from->direction[1], to->dir_z[i] = from->direction[2];
     to->tnear[i] = from->t_min, to->tfar[i] = from->t_max;
-    to->time[i] = 0.0f, to->mask[i] = 0xFFFFFFFFu, to->id[i] = 0, to->flags[i] = 0;
+    to->time[i] = 0.0f, to->mask[i] = 0xFFFFFFFFu, to->flags[i] = 0;
+    memcpy(&to->id[i], &from->t_max, sizeof to->id[i]);
     valid[i] = from->t_min <= from->t_max ? -1 : 0;
 }
 

@@ -31,6 +31,10 @@ typedef struct lux_hit {
     uint32_t half;
 } lux_hit;
 
+/* How far beside a quad's box, m, rounding may put a hit: some eight units in the last place of a coordinate of 1. A
+ * scene is handed over at a size of about 1. */
+#define LUX_ROUNDING 1e-6
+
 /* Room for Embree's message. */
 #define LUX_MESSAGE_BYTES 256
 

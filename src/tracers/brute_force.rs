@@ -14,7 +14,12 @@ pub struct BruteForce<'a> {
 impl<'a> BruteForce<'a> {
     /// A tracer over `geometry`.
     pub fn new(geometry: &'a Geometry) -> Self {
-        BruteForce { surfaces: &geometry.surfaces }
+        BruteForce::over(&geometry.surfaces)
+    }
+
+    /// A tracer over `surfaces`, numbered from 0.
+    pub(super) fn over(surfaces: &'a [Surface]) -> Self {
+        BruteForce { surfaces }
     }
 }
 

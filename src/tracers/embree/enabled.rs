@@ -4,7 +4,7 @@ use super::raw::{self, EMPTY_RAY, LARGEST, NO_HIT, lux_hit, lux_ray};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Hit, Ray, Shape, Surface, SurfaceId};
 use crate::scene::Geometry;
-use crate::tracers::brute_force::side_met;
+use crate::tracers::brute_force::{self, BruteForce, side_met};
 use crate::tracers::{RayTracer, Segment};
 use glam::DVec3;
 
@@ -14,6 +14,10 @@ const BATCH: usize = 256;
 /// Units in the last place (`f32`) of the scene's size by which Embree's distances are taken to be
 /// uncertain, so that the limits of a ray can be decided in `f64`.
 const LIMIT_ULPS: f64 = 32.0;
+
+/// How often Embree is asked for what lies beyond a hit that does not count, before all surfaces are
+/// tested in `f64` instead.
+const TURNS: usize = 16;
 
 /// The version of the Embree that is loaded, "3.13.5", or `None` if it refuses to start.
 pub fn available() -> Option<String> {
@@ -27,10 +31,16 @@ pub fn available() -> Option<String> {
 /// surface exactly if its `f64` origin lies on the near side, so callers should give a `t_min` or
 /// move the origin. Of surfaces nearer to one another than about 1e-6 of the scene's size either may be
 /// reported as the closest.
+///
+/// Embree gets the scene, and the rays, at a size of about 1: a power of two takes them there, so that no
+/// digit is lost, and neither tiny nor vast scenes leave the range of `f32` inside Embree.
 pub struct EmbreeTracer {
     scene: raw::Scene,
     surfaces: Vec<Surface>,
+    /// Distance of the furthest corner from the local origin, m.
     radius: f64,
+    /// Lengths in Embree's scene over lengths in ours.
+    scale: f32,
     version: String,
 }
 
@@ -44,6 +54,8 @@ impl EmbreeTracer {
         let too_many =
             || Error::Tracer(format!("{} surfaces are too many for Embree", geometry.surfaces.len()));
         let vertex_count = u32::try_from(4 * geometry.surfaces.len()).map_err(|_| too_many())?;
+        let radius = corner_radius(&geometry.surfaces);
+        let scale = unit_scale(radius);
         let mut vertices = Vec::with_capacity(vertex_count as usize);
         let mut quads = Vec::with_capacity(geometry.surfaces.len());
         for (i, surface) in geometry.surfaces.iter().enumerate() {
@@ -53,22 +65,21 @@ impl EmbreeTracer {
                 if v.is_nan() || v.abs().max_element() > LARGEST {
                     return Err(Error::Tracer(format!("surface {i} has a vertex that is no position: {v}")));
                 }
-                vertices.push(v.to_array());
+                vertices.push((scale * v).to_array());
             }
             let last = first + corners.len() as u32 - 1;
             quads.push([first, first + 1, first + 2, last]);
         }
         let scene = raw::Scene::new(&vertices, &quads).map_err(Error::Tracer)?;
         let version = available().unwrap_or_default();
-        let radius = corner_radius(&geometry.surfaces);
-        Ok(EmbreeTracer { scene, surfaces: geometry.surfaces.clone(), radius, version })
+        Ok(EmbreeTracer { scene, surfaces: geometry.surfaces.clone(), radius, scale, version })
     }
 
     /// The `f64` hit behind Embree's answer to `query`, looking further along the ray while what Embree
     /// met turns out to lie at or before the ray's start, or beside the surface: all of Embree's tests are noise for
     /// a triangle in whose plane the ray runs.
     fn decide(&self, ray: &Ray, query: &Query, mut found: lux_hit) -> Option<Hit> {
-        loop {
+        for _ in 0..TURNS {
             let surface = self.surfaces.get(found.quad as usize)?;
             let rough = query.parameter(found.t);
             let t = plane_parameter(ray, surface, found.half)
@@ -78,8 +89,7 @@ impl EmbreeTracer {
                 let side = side_met(surface, ray.direction);
                 return (t < ray.t_max).then_some(Hit { surface: SurfaceId(found.quad), t, side });
             }
-            // Each turn puts at least one triangle behind the start, so the loop ends. A denormal would not:
-            // Embree runs with denormals taken as zero.
+            // A denormal would not move on: Embree runs with denormals taken as zero.
             let beyond = found.t.max(f32::MIN_POSITIVE).next_up();
             let mut rest = [lux_ray { t_min: beyond, ..query.ray }];
             let mut next = [NO_HIT];
@@ -89,6 +99,8 @@ impl EmbreeTracer {
             }
             found = next[0];
         }
+        // A triangle in whose plane the ray runs may be met again and again, a step of f32 further each time.
+        BruteForce::over(&self.surfaces).closest(ray)
     }
 
     /// Whether the point at `t` lies in the surface's box, as far as `f32` can tell.
@@ -103,7 +115,7 @@ impl EmbreeTracer {
         let mut rays = [EMPTY_RAY; BATCH];
         let mut answers = [0u8; BATCH];
         for (ray, segment) in rays.iter_mut().zip(segments) {
-            *ray = segment_ray(segment);
+            *ray = segment_ray(segment, self.scale);
         }
         self.scene.occluded(&mut rays[..segments.len()], &mut answers);
         for (blocked, answer) in blocked.iter_mut().zip(answers) {
@@ -115,13 +127,13 @@ impl EmbreeTracer {
         let mut queries = [EMPTY_RAY; BATCH];
         let mut found = [NO_HIT; BATCH];
         for (query, ray) in queries.iter_mut().zip(rays) {
-            *query = Query::new(ray, self.radius).ray;
+            *query = Query::new(ray, self.radius, self.scale).ray;
         }
         self.scene.closest(&mut queries[..rays.len()], &mut found);
         for ((hit, ray), found) in hits.iter_mut().zip(rays).zip(found) {
             *hit = match found.quad {
                 raw::LUX_MISS => None,
-                _ => self.decide(ray, &Query::new(ray, self.radius), found),
+                _ => self.decide(ray, &Query::new(ray, self.radius, self.scale), found),
             };
         }
     }
@@ -133,7 +145,7 @@ impl RayTracer for EmbreeTracer {
     }
 
     fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let query = Query::new(ray, self.radius);
+        let query = Query::new(ray, self.radius, self.scale);
         let mut found = [NO_HIT];
         self.scene.closest(&mut [query.ray], &mut found);
         self.decide(ray, &query, found[0])
@@ -152,9 +164,7 @@ impl RayTracer for EmbreeTracer {
     }
 
     fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
-        let mut found = [NO_HIT];
-        self.scene.closest(&mut [segment_ray(segment)], &mut found);
-        (found[0].quad != raw::LUX_MISS).then_some(SurfaceId(found[0].quad))
+        self.closest(&brute_force::segment_ray(segment)).map(|hit| hit.surface)
     }
 }
 
@@ -166,10 +176,13 @@ struct Query {
     length: f64,
     /// How far the origin was moved, m.
     moved: f64,
+    /// See [`EmbreeTracer`].
+    scale: f64,
 }
 
 impl Query {
-    fn new(ray: &Ray, radius: f64) -> Self {
+    fn new(ray: &Ray, radius: f64, scale: f32) -> Self {
+        let scale = f64::from(scale);
         let length = ray.direction.length();
         let unit = ray.direction / length;
         let (start, end) = (ray.t_min * length, ray.t_max * length);
@@ -179,30 +192,30 @@ impl Query {
         let origin = ray.origin + moved * unit;
         let slack = LIMIT_ULPS * f64::from(f32::EPSILON) * (radius + origin.length());
         let limited = lux_ray {
-            origin: origin.as_vec3().to_array(),
-            t_min: (start - moved - slack).max(0.0) as f32,
+            origin: (scale * origin).as_vec3().to_array(),
+            t_min: (scale * (start - moved - slack)).max(0.0) as f32,
             direction: unit.as_vec3().to_array(),
-            t_max: (end - moved + slack) as f32,
+            t_max: (scale * (end - moved + slack)) as f32,
         };
         // Limits that are no limits (NaN), or that exclude one another, hit nothing.
         let ray = if ray.t_min < ray.t_max { limited } else { EMPTY_RAY };
-        Query { ray, length, moved }
+        Query { ray, length, moved, scale }
     }
 
     /// The caller's ray parameter at Embree's.
     fn parameter(&self, t: f32) -> f64 {
-        (self.moved + f64::from(t)) / self.length
+        (self.moved + f64::from(t) / self.scale) / self.length
     }
 }
 
 /// The ray from one end of a segment to the other, less its margins. A segment that is not finite
 /// becomes a ray that is not, and so hits nothing.
-fn segment_ray(segment: &Segment) -> lux_ray {
+fn segment_ray(segment: &Segment, scale: f32) -> lux_ray {
     let margin = segment.margin();
     lux_ray {
-        origin: segment.from.to_array(),
+        origin: (scale * segment.from).to_array(),
         t_min: margin,
-        direction: (segment.to - segment.from).to_array(),
+        direction: (scale * (segment.to - segment.from)).to_array(),
         t_max: 1.0 - margin,
     }
 }
@@ -223,4 +236,10 @@ fn plane_parameter(ray: &Ray, surface: &Surface, half: u32) -> Option<f64> {
 /// Distance of the furthest corner from the local origin, m.
 fn corner_radius(surfaces: &[Surface]) -> f64 {
     surfaces.iter().flat_map(|s| s.vertices()).fold(0.0, |r, v: &DVec3| r.max(v.length()))
+}
+
+/// The power of two that makes a length of `radius` one between 0.5 and 2; 1 where there is none.
+fn unit_scale(radius: f64) -> f32 {
+    let exponent = radius.log2().floor();
+    if exponent.is_finite() { (-exponent).clamp(-120.0, 120.0).exp2() as f32 } else { 1.0 }
 }
