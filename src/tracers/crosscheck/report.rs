@@ -2,12 +2,13 @@
 
 use super::probes::{Probe, ProbeClass};
 use crate::geometry::Hit;
+use crate::tracers::judge::{EDGE_ULPS, END_ULPS};
 use serde::Serialize;
 use std::fmt;
 
-/// At most this many disagreements are kept, those that are somebody's error first (some 300 MB); all are
-/// counted.
-pub const MAX_LISTED: usize = 1_000_000;
+/// At most this many disagreements are kept, those that are somebody's error first (some 30 MB, however many rays
+/// are asked about); all are counted.
+pub const MAX_LISTED: usize = 100_000;
 
 /// Of the disagreements within rounding, the text of a report shows this many.
 const SHOWN: usize = 20;
@@ -219,6 +220,11 @@ impl fmt::Display for CrosscheckReport {
         writeln!(f, "{} rays, each asked twice (blocked? what first?), seed {}", self.rays, self.seed)?;
         let names = self.tracers.join(", ");
         writeln!(f, "tracers: {names}; errors beyond rounding are counted for each in this order")?;
+        writeln!(
+            f,
+            "grazing: hangs on an edge nearer than {EDGE_ULPS} or an end nearer than {END_ULPS} units in the last place (f32); \
+             all else is an error"
+        )?;
         writeln!(
             f,
             "{:<16} {:>10} {:>14} {:>14}  errors",

@@ -1,0 +1,217 @@
+//! Random and adversarial segments in random scenes, tiny and vast: no tracer may ever be wrong beyond the
+//! band in which `f32` and `f64` may differ, and the voxel tracer must equal brute force to the bit.
+
+use glam::DVec3;
+use luxgraph::geometry::{QuadKind, Ray, Shape, classify_quad};
+use luxgraph::scene::{Geometry, ObjectId};
+use luxgraph::tracers::brute_force::BruteForce;
+use luxgraph::tracers::judge::{Verdict, judge, judge_closest};
+use luxgraph::tracers::{EmbreeTracer, RayTracer, Segment, VoxelTracer, embree};
+use luxgraph::voxels::Voxels;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+/// A stream of numbers from a seed that proptest chose.
+struct Random(u64);
+
+impl Random {
+    /// In [0, 1).
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        ((self.unit() * n as f64) as usize).min(n - 1)
+    }
+
+    /// In a cube of half side 1; on a lattice of quarters if `coarse`.
+    fn place(&mut self, coarse: bool) -> DVec3 {
+        let p = DVec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0;
+        if coarse { (4.0 * p).round() / 4.0 } else { p }
+    }
+
+    fn sign(&mut self) -> f64 {
+        if self.unit() < 0.5 { -1.0 } else { 1.0 }
+    }
+}
+
+/// Parallelograms, warped quadrilaterals, triangles and slivers.
+fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
+    let mut shapes = Vec::new();
+    while shapes.len() < count {
+        let (o, x, mut y) = (random.place(coarse), random.place(coarse), random.place(coarse));
+        let kind = random.below(6);
+        if kind == 0 {
+            y *= 1e-3;
+        }
+        if x.cross(y).length() < 1e-4 {
+            continue;
+        }
+        let warped = [o, o + x, o + x + y + 0.1 * random.place(false), o + y];
+        if kind == 3 && !matches!(classify_quad(&warped), QuadKind::Flat | QuadKind::Warped) {
+            continue;
+        }
+        shapes.push(match kind {
+            1 | 2 => Shape::Triangle([o, o + x, o + y]),
+            3 => Shape::Quad(warped),
+            _ => Shape::Quad([o, o + x, o + x + y, o + y]),
+        });
+    }
+    shapes
+}
+
+fn geometry(shapes: Vec<Shape>, size: f64, at: DVec3) -> Geometry {
+    let placed = |shape| match shape {
+        Shape::Quad(v) => Shape::Quad(v.map(|p: DVec3| size * p + at)),
+        Shape::Triangle(v) => Shape::Triangle(v.map(|p: DVec3| size * p + at)),
+    };
+    let shapes = shapes.into_iter().enumerate().map(|(i, s)| (placed(s), false, i as u32, ObjectId(0)));
+    Geometry::new(shapes.collect(), vec!["all".into()])
+}
+
+/// A segment made to be hard. `voxels` are those of the tracer.
+fn segment(random: &mut Random, geometry: &Geometry, voxels: &Voxels) -> Segment {
+    let surface = &geometry.surfaces[random.below(geometry.surfaces.len())];
+    let v = surface.vertices();
+    let corner = random.below(v.len());
+    let (p, next) = (v[corner], v[(corner + 1) % v.len()]);
+    let reach = geometry.radius;
+    let anywhere = |random: &mut Random| 1.2 * reach * random.place(false);
+    let through = |random: &mut Random, a: DVec3, p: DVec3| a + (1.0 + random.unit()) * (p - a);
+    let a = anywhere(random);
+    let (mut a, mut b) = match random.below(10) {
+        0 => (a, anywhere(random)),
+        // Through a corner, or a place on an edge, or ending there.
+        1 => (a, through(random, a, p)),
+        2 => {
+            let on_edge = p.lerp(next, random.unit());
+            (a, through(random, a, on_edge))
+        }
+        3 => (a, p.lerp(next, random.unit())),
+        // Along an edge, and in the plane of a surface.
+        4 => (p - (next - p), next),
+        5 => {
+            let mut place = || surface.point_at(3.0 * random.unit() - 1.0, 3.0 * random.unit() - 1.0);
+            (place(), place())
+        }
+        // From the face, or along the edge, of a voxel.
+        6 | 7 => {
+            let bounds = voxels.bounds(random.below(voxels.len()));
+            let axis = random.below(3);
+            let mut face = || {
+                let mut q = bounds.min + random.unit() * bounds.size();
+                q[axis] = bounds.min[axis];
+                q
+            };
+            let (q, r) = (face(), face());
+            if random.unit() < 0.5 { (q, through(random, q, r)) } else { (bounds.min, bounds.max) }
+        }
+        // From far away.
+        8 => (1000.0 * a, through(random, 1000.0 * a, p)),
+        // Leaving a surface at a flat angle.
+        _ => {
+            let q = surface.point_at(random.unit(), random.unit());
+            let along = (next - p) * random.sign();
+            (q, q + along + 10f64.powf(-6.0 * random.unit()) * random.sign() * reach * surface.normal)
+        }
+    };
+    // Some components of the direction are zero, some segments run the other way.
+    if random.unit() < 0.3 {
+        let axis = random.below(3);
+        b[axis] = a[axis];
+    }
+    if random.unit() < 0.5 {
+        std::mem::swap(&mut a, &mut b);
+    }
+    Segment { from: a.as_vec3(), to: b.as_vec3() }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn no_tracer_is_wrong_beyond_rounding(
+        seed in any::<u64>(),
+        count in 1usize..30,
+        coarse in any::<bool>(),
+        size in select(vec![1e-9, 1e-3, 0.7, 1.0, 37.0, 1e6, 1e12]),
+        away in select(vec![0.0, 0.0, 1.0, 1e3, 1e5]),
+    ) {
+        let mut random = Random(seed);
+        let at = away * size * random.place(false);
+        let geometry = geometry(shapes(&mut random, count, coarse), size, at);
+        let (voxel, brute) = (VoxelTracer::new(&geometry), BruteForce::new(&geometry));
+        let embree = embree::available().map(|_| EmbreeTracer::new(&geometry).expect("the scene is sound"));
+        let segments: Vec<Segment> =
+            (0..200).map(|_| segment(&mut random, &geometry, voxel.voxels())).collect();
+        let mut by_embree = vec![false; segments.len()];
+        if let Some(embree) = &embree {
+            embree.occluded_batch(&segments, &mut by_embree);
+        }
+        for (segment, by_embree) in segments.iter().zip(by_embree) {
+            let verdict = judge(&geometry, segment);
+            let blocker = brute.blocker(segment);
+            prop_assert!(!verdict.refutes(blocker.is_some()), "{segment:?}: brute force {blocker:?}, {verdict:?}");
+            prop_assert_eq!(voxel.blocker(segment).is_some(), blocker.is_some(), "{:?}, {:?}", segment, verdict);
+            if let Some(embree) = &embree {
+                let alone = embree.blocker(segment);
+                prop_assert!(!verdict.refutes(by_embree), "{segment:?}: packet {by_embree}, {verdict:?}");
+                prop_assert!(!verdict.refutes(alone.is_some()), "{segment:?}: alone {alone:?}, {verdict:?}");
+            }
+            let origin = segment.from.as_dvec3();
+            let direction = segment.to.as_dvec3() - origin;
+            let ray = Ray { origin, direction, t_min: f64::from(segment.margin()), t_max: f64::INFINITY };
+            let truth = judge_closest(&geometry, &ray);
+            let hit = brute.closest(&ray);
+            prop_assert!(truth.allows(hit.map(|h| h.surface)), "{ray:?}: brute force {hit:?}, {truth:?}");
+            prop_assert_eq!(voxel.closest(&ray), hit, "{:?}", ray);
+            if let Some(embree) = &embree {
+                let hit = embree.closest(&ray);
+                prop_assert!(truth.allows(hit.map(|h| h.surface)), "{ray:?}: embree {hit:?}, {truth:?}");
+            }
+        }
+    }
+
+    /// The blocker that a tracer names is one that may block.
+    #[test]
+    fn the_named_blocker_is_one(seed in any::<u64>(), count in 1usize..20, coarse in any::<bool>()) {
+        let mut random = Random(seed);
+        let geometry = geometry(shapes(&mut random, count, coarse), 1.0, DVec3::ZERO);
+        let voxel = VoxelTracer::new(&geometry);
+        let embree = embree::available().map(|_| EmbreeTracer::new(&geometry).expect("the scene is sound"));
+        for _ in 0..100 {
+            let segment = segment(&mut random, &geometry, voxel.voxels());
+            for found in [voxel.blocker(&segment), embree.as_ref().and_then(|e| e.blocker(&segment))] {
+                let Some(id) = found else { continue };
+                let alone = Geometry { surfaces: vec![*geometry.surface(id)], ..geometry.clone() };
+                let verdict = judge(&alone, &segment);
+                prop_assert!(verdict != Verdict::Free, "{segment:?}: {id:?}");
+            }
+        }
+    }
+}
+
+/// Lines that run in the plane of a quad but beside it, as many as chance needs to trip Embree's own tests.
+#[test]
+fn a_line_in_the_plane_of_a_quad_beside_it_is_free() {
+    // (scene file, from, to): local coordinates, metres.
+    let known = [
+        ("paper_room.toml", [0.19475785, 0.33854675, -0.98], [0.12354963, 0.6735585, -0.98]),
+        ("cornell_box.toml", [-0.04140869, 0.0556, -0.008613978], [-0.099684104, 0.0556, -0.02594907]),
+        ("cornell_box.toml", [-0.16449864, 0.0556, -0.045229346], [-0.0871102, 0.0556, -0.022208732]),
+    ];
+    for (name, from, to) in known {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+        let geometry = luxgraph::scene::load(&path).expect("a scene that ships").geometry;
+        let segment = Segment { from: glam::Vec3::from(from), to: glam::Vec3::from(to) };
+        assert_eq!(judge(&geometry, &segment), Verdict::Free, "{name}");
+        assert_eq!(VoxelTracer::new(&geometry).blocker(&segment), None, "{name}");
+        if embree::available().is_some() {
+            let tracer = EmbreeTracer::new(&geometry).expect("a scene that ships");
+            let mut blocked = [true; 17];
+            tracer.occluded_batch(&[segment; 17], &mut blocked);
+            assert_eq!((blocked, tracer.blocker(&segment)), ([false; 17], None), "{name}");
+        }
+    }
+}
