@@ -2,6 +2,7 @@
 
 use super::blocker::{Bands, Blocker};
 use super::cull::BlockerTree;
+use super::flat::lies_under;
 use super::graph::{Edge, VisibilityGraph, edge_index};
 use super::patch::Patch;
 use super::stats::GraphStats;
@@ -46,6 +47,8 @@ pub(super) struct Build<'a> {
     pub tree: BlockerTree,
     /// Around the points of each voxel.
     pub boxes: Vec<Aabb>,
+    /// By point: whether a surface lies flat upon it, so that it sees nothing.
+    pub under: Vec<bool>,
     patches: Vec<Patch>,
     patch_starts: Vec<usize>,
 }
@@ -91,7 +94,7 @@ impl VisibilityGraph {
         let blockers: Vec<Blocker> = geometry.surfaces.iter().map(|s| Blocker::new(s, &bands)).collect();
         let (patches, patch_starts) = Patch::all(geometry, points);
         let around = |v| Aabb::around(points.voxel(v).map(|i| points.position[i].as_dvec3()));
-        let build = Build {
+        let mut build = Build {
             points,
             tracer,
             settings,
@@ -99,10 +102,12 @@ impl VisibilityGraph {
             tree: BlockerTree::new(&blockers),
             blockers,
             boxes: (0..points.voxels()).map(around).collect(),
+            under: Vec::new(),
             patches,
             patch_starts,
         };
 
+        build.under = lies_under(&build, &geometry.surfaces, &geometry.two_sided, geometry.radius);
         let n = points.len() as u64;
         observer.begin("visibility graph", n * n.saturating_sub(1) / 2);
         let graph = build.edges(observer);
@@ -154,6 +159,9 @@ impl Build<'_> {
 impl VisibilityGraph {
     /// Adds the next edge; fails when memory is short.
     fn push(&mut self, pair: VoxelPair) -> std::result::Result<(), ()> {
+        if pair.out_of_memory {
+            return Err(());
+        }
         self.stats.add_pairs(&pair.stats);
         let edge = if pair.seen == 0 {
             self.stats.hidden_edges += 1;

@@ -81,6 +81,26 @@ impl BlockerTree {
         }
         found.sort_unstable();
     }
+
+    /// The blockers, in the order of their numbers, whose boxes come within `reach` of `bounds`.
+    pub fn touching(&self, blockers: &[Blocker], bounds: &Aabb, reach: f64, found: &mut Vec<u32>) {
+        found.clear();
+        let meets =
+            |of: &Aabb| of.min.cmple(bounds.max + reach).all() && of.max.cmpge(bounds.min - reach).all();
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if !meets(&node.bounds) {
+                at = node.skip as usize;
+                continue;
+            }
+            if node.count as usize <= LEAF {
+                let leaf = &self.order[node.first as usize..(node.first + node.count) as usize];
+                found.extend(leaf.iter().filter(|&&i| meets(blockers[i as usize].bounds())));
+            }
+            at += 1;
+        }
+        found.sort_unstable();
+    }
 }
 
 /// The hull of two boxes, as far as boxes and three separating axes see it: the axes at right

@@ -9,6 +9,7 @@ mod blocker;
 mod build;
 mod cull;
 pub mod file;
+mod flat;
 mod graph;
 mod lights;
 mod pairs;

@@ -23,10 +23,12 @@ const SMALL_FOR_TESTS: usize = 256;
 const SMALL_FOR_RAYS: usize = 16;
 
 /// What is known of two voxels when all their pairs are decided.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct VoxelPair {
-    /// The bits, rows from the first voxel: a facing pair's is set when nothing blocks it.
+    /// The bits, rows from the first voxel: a facing pair's is set when nothing blocks it. Empty when none is.
     pub words: Vec<u32>,
+    /// Whether memory was too short for the bits.
+    pub out_of_memory: bool,
     /// Facing pairs.
     pub facing: u64,
     /// Facing pairs that see each other.
@@ -113,8 +115,7 @@ impl<'a> PairWork<'a> {
     /// Decides all pairs of the points of voxels `a <= b`.
     pub fn decide(build: &'a Build<'a>, a: usize, b: usize) -> VoxelPair {
         let (rows, columns) = (build.points.voxel(a), build.points.voxel(b));
-        let words = vec![0; rows.len() * stride_of(columns.len())];
-        let result = VoxelPair { words, facing: 0, seen: 0, stats: GraphStats::default() };
+        let result = VoxelPair::default();
         let mut work = PairWork {
             build,
             rows,
@@ -160,13 +161,13 @@ impl<'a> PairWork<'a> {
             return;
         }
         // A patch is planar: whether its points face another patch's is a matter of its plane.
-        self.build.in_front(&mut self.from, a, b);
-        self.build.in_front(&mut self.to, b, a);
+        let facing = self.build.in_front(&mut self.from, a, b) * self.build.in_front(&mut self.to, b, a);
         let (rows, columns) = (0..self.from.index.len(), 0..self.to.index.len());
-        let facing = (rows.len() * columns.len()) as u64;
+        let open = (rows.len() * columns.len()) as u64;
         self.result.stats.not_facing += all - facing;
+        self.result.stats.proved += facing - open;
         self.result.facing += facing;
-        if facing == 0 {
+        if open == 0 {
             return;
         }
         let between = self.open.len();
@@ -245,8 +246,18 @@ impl<'a> PairWork<'a> {
 
     /// Points `i` and `j` see each other.
     pub fn see_points(&mut self, i: usize, j: usize) {
-        self.result.seen += 1;
         let stride = stride_of(self.columns.len());
+        // Voxels that see nothing of each other need no bits, however many points they hold.
+        if self.result.seen == 0 {
+            let size = self.rows.len() * stride;
+            // Asked first, because an allocation that fails would end the process.
+            self.result.out_of_memory = Vec::<u32>::new().try_reserve_exact(size).is_err();
+            self.result.words = vec![0; if self.result.out_of_memory { 0 } else { size }];
+        }
+        self.result.seen += 1;
+        if self.result.out_of_memory {
+            return;
+        }
         let mut set = |i: usize, j: usize| {
             let (r, c) = (i - self.rows.start, j - self.columns.start);
             self.result.words[r * stride + c / 32] |= 1 << (c % 32);
@@ -259,16 +270,22 @@ impl<'a> PairWork<'a> {
 }
 
 impl Build<'_> {
-    /// The points of patch `of` that lie in front of the plane of `other`.
-    fn in_front(&self, flank: &mut Flank, of: &Patch, other: &Patch) {
+    /// The points of patch `of` that lie in front of the plane of `other`, but for those that something lies
+    /// flat upon. Returns how many there are with those.
+    fn in_front(&self, flank: &mut Flank, of: &Patch, other: &Patch) -> u64 {
+        let mut facing = 0;
         flank.index.clear();
         flank.position.clear();
         for i in of.points.clone() {
             let p = self.points.position[i].as_dvec3();
             if other.plane.height(p) > self.bands.apart {
-                flank.index.push(i);
-                flank.position.push(p);
+                facing += 1;
+                if !self.under[i] {
+                    flank.index.push(i);
+                    flank.position.push(p);
+                }
             }
         }
+        facing
     }
 }
