@@ -64,8 +64,8 @@ pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl F
 /// The error of a system that gains energy.
 pub fn diverged() -> Error {
     Error::Numerical(
-        "the light grows without end: reflectances this high need finer sampling with the paper's kernel; \
-         use the analytic kernel"
+        "the light grows without end: in a closed scene something must absorb, so lower the highest reflectances; \
+         with the paper's kernel, use the analytic one or sample more finely"
             .into(),
     )
 }

@@ -19,6 +19,10 @@ use toml::Spanned;
 /// Coordinates beyond this are refused, m: ray tracers compute with squares of them in `f32`.
 pub const MAX_COORDINATE: f64 = 1e18;
 
+/// A scene with a smaller radius than this is refused, m: squares of distances between neighbouring sample
+/// points would leave the normal range of `f32`.
+pub const MIN_RADIUS: f64 = 1e-12;
+
 /// A sampling that would make more points than this is refused: their graph fits no machine.
 const MAX_POINTS: f64 = 4e6;
 

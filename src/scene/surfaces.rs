@@ -1,6 +1,6 @@
 //! From quads, triangles and OBJ faces to the geometry of a scene.
 
-use super::compile::MAX_COORDINATE;
+use super::compile::{MAX_COORDINATE, MIN_RADIUS};
 use super::parts::{FacePlace, Part};
 use super::{Geometry, ObjectId, SceneDescription};
 use crate::error::Result;
@@ -72,6 +72,13 @@ pub fn shape(
     {
         let message = "this surface is too small next to the size of the scene";
         return Err(places[i].error(description, message));
+    }
+    if geometry.radius < MIN_RADIUS {
+        let message = format!(
+            "the whole scene has a radius of {:.1e} m, less than {MIN_RADIUS:e} m; coordinates are in metres",
+            geometry.radius
+        );
+        return Err(places[0].error(description, message));
     }
     for (object, max_area) in geometry.object.iter().zip(&mut geometry.max_area) {
         let table = description.document.objects[parts[object.0 as usize].object].get_ref();

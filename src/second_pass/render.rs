@@ -8,7 +8,7 @@ use super::settings::{SecondPassSettings, SecondPassStats};
 use super::wave::{NO_MEDIUM, Path, Wave};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
-use crate::geometry::Hit;
+use crate::geometry::{Hit, Ray};
 use crate::observer::Observer;
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
 use crate::tracers::RayTracer;
@@ -21,6 +21,9 @@ const TILE: usize = 16;
 /// Pixel samples of a tile that are traced together, at most: enough to feed a tracer with
 /// packets, few enough to stay in the cache.
 const BATCH: usize = 4096;
+
+/// Rounding of the distance from an eye to the surface it stands on, as a fraction of the scene's radius.
+const NEAR: f64 = 1e-12;
 
 /// A scene whose diffuse light is known.
 #[derive(Clone, Copy)]
@@ -77,7 +80,8 @@ pub fn render_with_checkpoint(
     let scatterer = Scatterer::new(scene.geometry, scene.appearance, &field, settings);
     let w = scene.solution.wavelengths.len();
     let [width, height] = camera.resolution.map(|x| x as usize);
-    let job = Job { scatterer, tracer, view: camera.view(scene.geometry.centre), width, height, w };
+    let (view, near) = (camera.view(scene.geometry.centre), NEAR * scene.geometry.radius);
+    let job = Job { scatterer, tracer, view, near, width, height, w };
     let columns = width.div_ceil(TILE);
     let bands = height.div_ceil(TILE);
     let floats = |band: u32| {
@@ -161,6 +165,8 @@ struct Job<'a> {
     scatterer: Scatterer<'a>,
     tracer: &'a dyn RayTracer,
     view: View,
+    /// A surface nearer to the eye is the one it stands on, and not seen, m.
+    near: f64,
     width: usize,
     height: usize,
     w: usize,
@@ -222,6 +228,7 @@ impl Job<'_> {
                 for index in first..settings.samples.min(first + samples) {
                     let [dx, dy, ..] = sobol_burley::sample_4d(index, 0, film.seeds[pixel]);
                     let ray = self.view.ray(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
+                    let ray = Ray { t_min: self.near, ..ray };
                     let path = Path {
                         start: ray.origin,
                         pixel: pixel as u32,
