@@ -215,3 +215,25 @@ fn a_line_in_the_plane_of_a_quad_beside_it_is_free() {
         }
     }
 }
+
+/// The line meets the plane's triangle only where it is extended backwards; all of the test is rounding.
+#[test]
+fn a_line_in_the_plane_of_a_triangle_before_it_is_free() {
+    let triangle = [
+        DVec3::new(875250.0, 250250.0, -250125.0),
+        DVec3::new(625250.0, 750250.0, 499875.0),
+        DVec3::new(625250.0, 250.0, -250125.0),
+    ];
+    let mut geometry = geometry(vec![Shape::Triangle(triangle)], 1.0, DVec3::ZERO);
+    geometry.surfaces = vec![luxgraph::geometry::Surface::new(Shape::Triangle(triangle))];
+    let segment = Segment {
+        from: DVec3::new(611377.0625, 505687.40625, 269185.34375).as_vec3(),
+        to: DVec3::new(557239.6875, 394274.0, 211909.3125).as_vec3(),
+    };
+    assert_eq!(judge(&geometry, &segment), Verdict::Free);
+    assert_eq!(BruteForce::new(&geometry).blocker(&segment), None);
+    assert_eq!(VoxelTracer::new(&geometry).blocker(&segment), None);
+    if embree::available().is_some() {
+        assert_eq!(EmbreeTracer::new(&geometry).expect("a triangle").blocker(&segment), None);
+    }
+}

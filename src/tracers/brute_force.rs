@@ -1,6 +1,6 @@
 //! Every surface against every ray in `f64`: slow, simple, the baseline of the others' tests.
 
-use super::edges::{RayFrame, crossing, edge};
+use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Side, Surface, SurfaceId};
 use crate::scene::Geometry;
@@ -31,7 +31,7 @@ pub fn intersect_triangle(ray: &Ray, triangle: &[DVec3; 3]) -> Option<f64> {
 fn cross_triangle(ray: &Ray, frame: &RayFrame, triangle: &[DVec3; 3]) -> Option<f64> {
     let [a, b, c] = triangle.map(|v| frame.project(v));
     let t = crossing([edge(c, b), edge(a, c), edge(b, a)], [a.z, b.z, c.z])?;
-    (t > ray.t_min && t < ray.t_max).then_some(t)
+    (t > ray.t_min && t < ray.t_max && is_in_box(ray, t, *triangle)).then_some(t)
 }
 
 /// The nearest crossing of a surface within the ray's limits.

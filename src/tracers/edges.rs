@@ -6,7 +6,7 @@
 //! projected places is then exact. Signed volumes, whose rounding differs from edge to edge, leak:
 //! 25 of 12,960 rays aimed at vertices, edges and diagonals from within a closed room.
 
-use crate::geometry::Ray;
+use crate::geometry::{Aabb, Ray};
 use glam::DVec3;
 
 /// A frame along a ray: the ray runs up the third axis from the origin, its parameter the height.
@@ -68,3 +68,18 @@ pub fn crossing(weights: [f64; 3], heights: [f64; 3]) -> Option<f64> {
     let sum = u + v + w;
     (sum != 0.0).then(|| (u * heights[0] + v * heights[1] + w * heights[2]) / sum)
 }
+
+/// Whether the ray's place at `t` lies in the box of `corners`, as far as rounding can tell. A triangle in whose
+/// plane the ray runs is projected to a line, and the edge functions may then be rounding alone that agrees
+/// in sign: the place they give can be far beside the triangle.
+#[inline]
+pub fn is_in_box(ray: &Ray, t: f64, corners: [DVec3; 3]) -> bool {
+    let bounds = Aabb::around(corners);
+    let place = ray.at(t);
+    let slack = IN_BOX * ray.origin.abs().max(bounds.min.abs()).max(bounds.max.abs()).max_element();
+    Aabb { min: bounds.min - slack, max: bounds.max + slack }.contains(place)
+}
+
+/// Room for rounding in [`is_in_box`], as a share of the largest coordinate: enough for `f64` at 1e-8 radian, little
+/// enough to stay within the bounds of [`super::judge`].
+const IN_BOX: f64 = 1e-7;

@@ -4,7 +4,7 @@
 //! force finds, to the bit, only sooner.
 
 use super::brute_force::{segment_ray, side_met};
-use super::edges::{RayFrame, crossing, edge};
+use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
@@ -83,13 +83,16 @@ impl Facet {
     #[inline]
     fn intersect(&self, ray: &Ray, frame: &RayFrame) -> Option<f64> {
         let [a, b, c, d] = self.corners.map(|v| frame.project(v));
+        let [v0, v1, v2, v3] = self.corners;
         let diagonal = edge(d, b);
-        let within = |t: &f64| *t > ray.t_min && *t < ray.t_max;
-        let first = crossing([diagonal, edge(a, d), edge(b, a)], [a.z, b.z, d.z]).filter(within);
+        let counts = |t: f64, corners| t > ray.t_min && t < ray.t_max && is_in_box(ray, t, corners);
+        let first = crossing([diagonal, edge(a, d), edge(b, a)], [a.z, b.z, d.z]);
+        let first = first.filter(|&t| counts(t, [v0, v1, v3]));
         if self.is_triangle {
             return first;
         }
-        let second = crossing([-diagonal, edge(c, b), edge(d, c)], [c.z, d.z, b.z]).filter(within);
+        let second = crossing([-diagonal, edge(c, b), edge(d, c)], [c.z, d.z, b.z]);
+        let second = second.filter(|&t| counts(t, [v2, v3, v1]));
         match (first, second) {
             (Some(s), Some(t)) => Some(s.min(t)),
             (s, t) => s.or(t),
