@@ -35,7 +35,7 @@ pub fn rs_over_f(ni: f64, nr: f64, nh: f64, ih: f64, m: f64) -> f64 {
     if g > 0.0 { (beckmann_d(nh, m) * (g / ni.min(nr)) / (4.0 * PI * ni.max(nr))).min(f64::MAX) } else { 0.0 }
 }
 
-/// [`rs_over_f`] in single precision for inner loops, [`LANES`] directions at a time: `t2` is the squared tangential
+/// [`rs_over_f`] in single precision for inner loops, `LANES` directions at a time: `t2` is the squared tangential
 /// length of the sum of the two unit directions, `ni` and `nr` their cosines, `m2` is m². Within a relative 1e-4 where
 /// tan²α <= 6 m², and held at 6 m² beyond; the cosines must be positive.
 #[inline(always)]
