@@ -6,7 +6,7 @@ use first_pass_support::*;
 use glam::DVec3;
 use luxgraph::first_pass::reference::{evaluate, extended_form_factors};
 use luxgraph::first_pass::system::System;
-use luxgraph::first_pass::{ChainLimits, FirstPassSettings, Kernel, visibility_calls};
+use luxgraph::first_pass::{ChainLimits, FirstPassSettings, visibility_calls};
 
 /// Compares all EFF, each row (receiver) relative to its largest entry; returns the literal count of
 /// calls and the counted one.
@@ -16,7 +16,7 @@ fn compare(scene: &TestScene, lg_max: u32) -> (f64, f64) {
     let limits = ChainLimits { lg_max: Some(lg_max), eff_min: 0.0, tolerance: 0.0 };
     let found = extended_form_factors(&system, &limits);
     let tolerance = scene.geometry.plane_tolerance() as f32;
-    let expected = evaluate(&system, &scene.graph, Kernel::Analytic, tolerance, lg_max, 0.0);
+    let expected = evaluate(&system, &scene.graph, tolerance, lg_max, 0.0);
     let n = scene.points.len();
     let (mut worst, mut chains) = (0.0f64, 0.0f64);
     let direct = extended_form_factors(&system, &ChainLimits { lg_max: Some(0), ..limits });

@@ -2,40 +2,42 @@
 //! E_i = Σ_j h_ij π F_ij L_j, recomputed tile by tile from points and bits.
 
 use super::form_factor::{plain, plane_distances};
-use super::near::{NearPairs, correction};
+use super::near::Corrections;
 use super::settings::Kernel;
 use crate::points::SamplePoints;
+use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
 use crate::visibility::{Tile, VisibilityGraph};
 use rayon::prelude::*;
 
 /// Points handled side by side.
-const LANES: usize = 8;
+pub const LANES: usize = 8;
 /// Receivers of one task.
 const ROWS: usize = 128;
 
-type Lanes = [f32; LANES];
+/// A value for each of them.
+pub type Lanes = [f32; LANES];
 
 /// Points as columns of the tiles: voxel by voxel, each padded to a multiple of [`LANES`] with
 /// points that face nothing.
-struct Columns {
+pub(super) struct Columns {
     position: [Vec<Lanes>; 3],
     normal: [Vec<Lanes>; 3],
     area: Vec<Lanes>,
     /// First group of lanes of each voxel, and the number of groups at the end.
-    starts: Vec<usize>,
+    pub(super) starts: Vec<usize>,
 }
 
 /// D for one set of points and one graph.
 pub struct DiffuseOperator<'a> {
-    points: &'a SamplePoints,
-    graph: &'a VisibilityGraph,
-    columns: Columns,
-    tolerance: f32,
-    near: NearPairs,
+    pub(super) points: &'a SamplePoints,
+    pub(super) graph: &'a VisibilityGraph,
+    pub(super) columns: Columns,
+    pub(super) tolerance: f32,
+    corrections: Corrections,
     row_sums: Vec<f32>,
     /// (voxel, first row, one past the last row), rows as point indices.
-    tasks: Vec<(usize, usize, usize)>,
+    pub(super) tasks: Vec<(usize, usize, usize)>,
 }
 
 impl Columns {
@@ -71,7 +73,14 @@ impl Columns {
 
     /// q of the elements of group `g` seen from point `i`, where `bits` lets it see them.
     #[inline(always)]
-    fn seen_from(&self, points: &SamplePoints, i: usize, g: usize, bits: u32, tolerance: f32) -> Lanes {
+    pub(super) fn seen_from(
+        &self,
+        points: &SamplePoints,
+        i: usize,
+        g: usize,
+        bits: u32,
+        tolerance: f32,
+    ) -> Lanes {
         let (p, n) = (points.position[i], points.normal[i]);
         let [x, y, z] = [&self.position[0][g], &self.position[1][g], &self.position[2][g]];
         let [nx, ny, nz] = [&self.normal[0][g], &self.normal[1][g], &self.normal[2][g]];
@@ -103,9 +112,13 @@ fn bits_of(tile: &Tile, r: usize, group: usize) -> u32 {
 }
 
 impl<'a> DiffuseOperator<'a> {
-    /// Prepares the columns and, for [`Kernel::Analytic`], the corrections of near pairs.
-    /// Points closer to another's plane than `tolerance` (m) do not face it.
-    pub fn new(points: &'a SamplePoints, graph: &'a VisibilityGraph, kernel: Kernel, tolerance: f32) -> Self {
+    /// Prepares the columns and, for [`Kernel::Analytic`], the corrections.
+    pub fn new(
+        geometry: &Geometry,
+        points: &'a SamplePoints,
+        graph: &'a VisibilityGraph,
+        kernel: Kernel,
+    ) -> Self {
         let tasks = (0..points.voxels())
             .flat_map(|v| {
                 let rows = points.voxel(v);
@@ -117,13 +130,13 @@ impl<'a> DiffuseOperator<'a> {
             points,
             graph,
             columns: Columns::new(points),
-            tolerance,
-            near: NearPairs::default(),
+            tolerance: geometry.plane_tolerance() as f32,
+            corrections: Corrections::default(),
             row_sums: Vec::new(),
             tasks,
         };
         if kernel == Kernel::Analytic {
-            operator.near = NearPairs::from_rows(operator.near_rows());
+            operator.corrections = Corrections::new(geometry, &operator);
         }
         let ones = vec![1.0; points.len()];
         operator.row_sums = operator.irradiance(&ones, |_| true);
@@ -136,9 +149,15 @@ impl<'a> DiffuseOperator<'a> {
         &self.row_sums
     }
 
-    /// Corrections of near pairs.
-    pub fn near(&self) -> &NearPairs {
-        &self.near
+    /// What the kernel adds to the plain one.
+    pub fn corrections(&self) -> &Corrections {
+        &self.corrections
+    }
+
+    /// q of element `j` seen from `i`, which see each other.
+    pub fn factor(&self, i: usize, j: usize) -> f32 {
+        let (d_i, d_j, r2) = plane_distances(self.points, i, j);
+        plain(d_i, d_j, r2, self.points.area[j]) + self.corrections.get(i, j)
     }
 
     /// Calls `visit(row, column voxel's points, tile, row in tile)` for all receivers of a task.
@@ -154,34 +173,6 @@ impl<'a> DiffuseOperator<'a> {
                 visit(b, &tile, first - self.points.voxel(a).start);
             }
         }
-    }
-
-    /// The near pairs of every receiver, in order.
-    fn near_rows(&self) -> Vec<Vec<(u32, f32)>> {
-        let blocks: Vec<Vec<Vec<(u32, f32)>>> = self
-            .tasks
-            .par_iter()
-            .map(|&task| {
-                let (_, first, end) = task;
-                let mut rows = vec![Vec::new(); end - first];
-                self.tiles(task, |b, tile, r0| {
-                    for (row, i) in rows.iter_mut().zip(first..end) {
-                        for (c, j) in self.points.voxel(b).enumerate() {
-                            let (d_i, d_j, _) = plane_distances(self.points, i, j);
-                            if d_i > self.tolerance
-                                && d_j > self.tolerance
-                                && tile.get(r0 + i - first, c)
-                                && let Some(difference) = correction(self.points, i, j)
-                            {
-                                row.push((j as u32, difference));
-                            }
-                        }
-                    }
-                });
-                rows
-            })
-            .collect();
-        blocks.into_iter().flatten().collect()
     }
 
     /// E of every point for which `wanted` holds (0 for the others), W m⁻² nm⁻¹, from the radiance of
@@ -204,7 +195,7 @@ impl<'a> DiffuseOperator<'a> {
                     wide(Sweep { operator, b, tile, r0, first, end, wanted: &wanted, packed, w, sums });
                 });
                 for i in (first..end).filter(|&i| wanted(i)) {
-                    for (j, difference) in self.near.row(i) {
+                    for (j, difference) in self.corrections.row(i) {
                         for k in 0..w {
                             sums[(i - first) * w + k] += f64::from(difference * radiance[k * n + j]);
                         }

@@ -58,11 +58,17 @@ pub fn exact(position: Vec3, normal: Vec3, corners: &[Vec3; 4]) -> f64 {
     (0.5 * sum).abs().min(PI)
 }
 
+/// Square of the size of element `j` as near and far judge it, m²: the area of a square, but half the
+/// square of the length of a strip. (Half the sum of the squares from its centre to its corners.)
+pub fn extent2(points: &SamplePoints, j: usize) -> f32 {
+    0.5 * points.corners[j].iter().map(|c| c.distance_squared(points.position[j])).sum::<f32>()
+}
+
 /// q of element `j` seen from point `i`, which face each other: exact where the element is near and
 /// `analytic` is set, plain otherwise.
 pub fn projected_solid_angle(points: &SamplePoints, i: usize, j: usize, analytic: bool) -> f32 {
     let (d_i, d_j, r2) = plane_distances(points, i, j);
-    if analytic && points.area[j] > NEAR * r2 {
+    if analytic && extent2(points, j) > NEAR * r2 {
         exact(points.position[i], points.normal[i], &points.corners[j]) as f32
     } else {
         plain(d_i, d_j, r2, points.area[j])

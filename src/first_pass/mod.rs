@@ -111,7 +111,7 @@ pub fn solve(
     let stats = FirstPassStats {
         points: points.len() as u64,
         specular_points: system.specular.points.len() as u64,
-        near_pairs: system.diffuse.near().len() as u64,
+        near_pairs: system.diffuse.corrections().near_pairs,
         row_sum: Range::of(system.diffuse.row_sums(), &points.area),
         lobe_error_mean: system.specular.closure_error.0,
         lobe_error_max: system.specular.closure_error.1,

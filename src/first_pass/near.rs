@@ -1,37 +1,67 @@
-//! Pairs whose plain factor is not good enough: what to add to it, by receiver.
+//! What to add to the plain kernel: by pairs, where an element is near, and by surfaces, so that all
+//! elements of a surface together have the exact factor of the whole.
 
-use super::form_factor::{NEAR, exact, plain, plane_distances};
+use super::diffuse::{DiffuseOperator, LANES, Lanes};
+use super::form_factor::{NEAR, exact, extent2};
+use crate::geometry::{Shape, Side};
 use crate::points::SamplePoints;
+use crate::scene::Geometry;
+use crate::simd::{HotLoop, wide};
+use crate::visibility::Tile;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// A surface is summed up exactly when its far elements may be wrong by more than about a third of
+/// this projected solid angle, sr.
+const DOUBT: f32 = 1e-5;
 
 /// Corrections to the plain kernel as a sparse matrix, rows are receivers.
 #[derive(Clone, Debug, Default)]
-pub struct NearPairs {
+pub struct Corrections {
     /// First entry of each row, and the number of entries at the end; empty when there is no row.
-    pub starts: Vec<usize>,
+    starts: Vec<usize>,
     /// The element seen.
-    pub column: Vec<u32>,
-    /// Exact q less the plain one.
-    pub difference: Vec<f32>,
+    column: Vec<u32>,
+    /// What the plain q lacks.
+    difference: Vec<f32>,
+    /// Ordered pairs whose element is near.
+    pub near_pairs: u64,
+    /// Pairs of a point and a surface that were summed up exactly.
+    pub summed_surfaces: u64,
 }
 
-impl NearPairs {
-    /// Joins rows given in order.
-    pub fn from_rows(rows: Vec<Vec<(u32, f32)>>) -> Self {
-        let total = rows.iter().map(Vec::len).sum();
-        let mut near = NearPairs {
-            starts: Vec::with_capacity(rows.len() + 1),
-            column: Vec::with_capacity(total),
-            difference: Vec::with_capacity(total),
-        };
-        near.starts.push(0);
-        for row in rows {
-            for (column, difference) in row {
-                near.column.push(column);
-                near.difference.push(difference);
-            }
-            near.starts.push(near.column.len());
+/// The corrections of one receiver.
+#[derive(Clone, Debug, Default)]
+struct Row {
+    entries: Vec<(u32, f32)>,
+    near: u64,
+    surfaces: u64,
+}
+
+impl Corrections {
+    /// Those of all pairs that see each other.
+    pub fn new(geometry: &Geometry, operator: &DiffuseOperator) -> Self {
+        let patches = Patches::new(geometry, operator.points);
+        let rows = |task| Receivers { operator, patches: &patches }.rows(task);
+        let blocks: Vec<Vec<Row>> = operator.tasks.par_iter().map(|&task| rows(task)).collect();
+        let rows: Vec<Row> = blocks.into_iter().flatten().collect();
+        Corrections {
+            near_pairs: rows.iter().map(|r| r.near).sum(),
+            summed_surfaces: rows.iter().map(|r| r.surfaces).sum(),
+            ..Self::from_rows(rows.iter().map(|r| r.entries.as_slice()))
         }
-        near
+    }
+
+    /// Joins rows given in order.
+    fn from_rows<'r>(rows: impl Iterator<Item = &'r [(u32, f32)]>) -> Self {
+        let mut all = Corrections { starts: vec![0], ..Default::default() };
+        for row in rows {
+            all.column.extend(row.iter().map(|e| e.0));
+            all.difference.extend(row.iter().map(|e| e.1));
+            all.starts.push(all.column.len());
+        }
+        all
     }
 
     /// The same corrections by element seen: rows are sources, columns receivers.
@@ -43,31 +73,195 @@ impl NearPairs {
                 rows[j].push((i as u32, difference));
             }
         }
-        Self::from_rows(rows)
+        Self::from_rows(rows.iter().map(Vec::as_slice))
     }
 
-    /// Entries of row `i`: (column, difference).
+    /// Entries of row `i`, by ascending column: (column, difference).
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f32)> {
         let range = if i + 1 < self.starts.len() { self.starts[i]..self.starts[i + 1] } else { 0..0 };
         self.column[range.clone()].iter().map(|&c| c as usize).zip(self.difference[range].iter().copied())
     }
 
-    /// Number of corrected pairs (ordered).
-    pub fn len(&self) -> usize {
-        self.column.len()
-    }
-
-    /// Whether no pair is corrected.
-    pub fn is_empty(&self) -> bool {
-        self.column.is_empty()
+    /// The entry of row `i` and column `j`, 0 where there is none.
+    pub fn get(&self, i: usize, j: usize) -> f32 {
+        let Some(&[start, end]) = self.starts.get(i..i + 2).and_then(|s| s.first_chunk()) else { return 0.0 };
+        let found = self.column[start..end].binary_search(&(j as u32));
+        found.map_or(0.0, |at| self.difference[start + at])
     }
 }
 
-/// The correction for element `j` seen from `i`, if it is near; the two face each other.
-pub fn correction(points: &SamplePoints, i: usize, j: usize) -> Option<f32> {
-    let (d_i, d_j, r2) = plane_distances(points, i, j);
-    (points.area[j] > NEAR * r2).then(|| {
-        let exact = exact(points.position[i], points.normal[i], &points.corners[j]);
-        (exact - f64::from(plain(d_i, d_j, r2, points.area[j]))) as f32
-    })
+/// A side of a surface and its points within one voxel.
+struct Run {
+    patch: usize,
+    points: Range<usize>,
+}
+
+/// The sides of surfaces that carry points.
+struct Patches {
+    /// Corners of the whole surface.
+    corners: Vec<[Vec3; 4]>,
+    /// Its elements.
+    elements: Vec<u32>,
+    /// What each voxel holds of them.
+    runs: Vec<Vec<Run>>,
+    /// Of every element.
+    extent2: Vec<f32>,
+}
+
+impl Patches {
+    fn new(geometry: &Geometry, points: &SamplePoints) -> Self {
+        let mut found = std::collections::HashMap::new();
+        let mut patches = Patches {
+            corners: Vec::new(),
+            elements: Vec::new(),
+            runs: Vec::with_capacity(points.voxels()),
+            extent2: (0..points.len()).map(|j| extent2(points, j)).collect(),
+        };
+        for v in 0..points.voxels() {
+            let mut runs: Vec<Run> = Vec::new();
+            for j in points.voxel(v) {
+                let id = (points.surface[j], points.side[j] == Side::Front);
+                let patch = *found.entry(id).or_insert_with(|| {
+                    patches.corners.push(match geometry.surface(id.0).shape {
+                        Shape::Quad(v) => v.map(|v| v.as_vec3()),
+                        Shape::Triangle([a, b, c]) => [a, b, c, c].map(|v| v.as_vec3()),
+                    });
+                    patches.elements.push(0);
+                    patches.corners.len() - 1
+                });
+                patches.elements[patch] += 1;
+                match runs.last_mut() {
+                    Some(run) if run.patch == patch => run.points.end = j + 1,
+                    _ => runs.push(Run { patch, points: j..j + 1 }),
+                }
+            }
+            patches.runs.push(runs);
+        }
+        patches
+    }
+}
+
+/// What a receiver knows of one patch.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    /// q of all elements that face the receiver, hidden or not.
+    all: f64,
+    /// q of those that are visible.
+    seen: f64,
+    /// Σ q extent² / r² over the far ones.
+    doubt: f32,
+    /// The visible element of largest q.
+    best: (u32, f32),
+}
+
+/// Receivers looking at the patches.
+struct Receivers<'a> {
+    operator: &'a DiffuseOperator<'a>,
+    patches: &'a Patches,
+}
+
+impl Receivers<'_> {
+    fn rows(&self, (a, first, end): (usize, usize, usize)) -> Vec<Row> {
+        let DiffuseOperator { points, graph, .. } = self.operator;
+        let mut scratch = vec![Vec::new(); points.voxels()];
+        let tiles: Vec<Tile> = scratch.iter_mut().enumerate().map(|(b, s)| graph.tile(a, b, s)).collect();
+        let mut sums = vec![Sum::default(); self.patches.corners.len()];
+        (first..end).map(|i| self.row(i, i - points.voxel(a).start, &tiles, &mut sums)).collect()
+    }
+
+    /// The corrections of receiver `i`, row `r` of its `tiles`; leaves `sums` as it found them.
+    fn row(&self, i: usize, r: usize, tiles: &[Tile], sums: &mut [Sum]) -> Row {
+        let points = self.operator.points;
+        let mut row = Row::default();
+        let mut met: Vec<usize> = Vec::new();
+        let mut q = Vec::new();
+        for (b, tile) in tiles.iter().enumerate() {
+            let start = points.voxel(b).start;
+            q.clear();
+            wide(Facing { operator: self.operator, i, b, q: &mut q });
+            for run in &self.patches.runs[b] {
+                let mut sum = Sum::default();
+                for j in run.points.clone() {
+                    let c = j - start;
+                    let plain = q[c / LANES][c % LANES];
+                    if plain <= 0.0 {
+                        continue;
+                    }
+                    let visible = tile.get(r, c);
+                    let extent = self.patches.extent2[j];
+                    let r2 = points.position[i].distance_squared(points.position[j]);
+                    let mut q = f64::from(plain);
+                    if extent > NEAR * r2 {
+                        q = exact(points.position[i], points.normal[i], &points.corners[j]);
+                        if visible {
+                            row.entries.push((j as u32, (q - f64::from(plain)) as f32));
+                        }
+                    } else {
+                        sum.doubt += plain * extent / r2;
+                    }
+                    sum.all += q;
+                    if visible {
+                        sum.seen += q;
+                        if q as f32 > sum.best.1 {
+                            sum.best = (j as u32, q as f32);
+                        }
+                    }
+                }
+                if sum.all > 0.0 {
+                    let whole = &mut sums[run.patch];
+                    if whole.all == 0.0 {
+                        met.push(run.patch);
+                    }
+                    whole.add(&sum);
+                }
+            }
+        }
+        row.near = row.entries.len() as u64;
+        row.entries.sort_unstable_by_key(|e| e.0);
+        for patch in met {
+            let sum = std::mem::take(&mut sums[patch]);
+            if sum.seen == 0.0 || sum.doubt < DOUBT || self.patches.elements[patch] == 1 {
+                continue;
+            }
+            let whole = exact(points.position[i], points.normal[i], &self.patches.corners[patch]);
+            let lacking = (sum.seen * (whole / sum.all - 1.0)) as f32;
+            row.surfaces += 1;
+            match row.entries.binary_search_by_key(&sum.best.0, |e| e.0) {
+                Ok(at) => row.entries[at].1 += lacking,
+                Err(at) => row.entries.insert(at, (sum.best.0, lacking)),
+            }
+        }
+        row
+    }
+}
+
+impl Sum {
+    fn add(&mut self, more: &Sum) {
+        self.all += more.all;
+        self.seen += more.seen;
+        self.doubt += more.doubt;
+        if more.best.1 > self.best.1 {
+            self.best = more.best;
+        }
+    }
+}
+
+/// The plain q of all elements of voxel `b` that point `i` faces, hidden or not, in columns.
+struct Facing<'a> {
+    operator: &'a DiffuseOperator<'a>,
+    i: usize,
+    b: usize,
+    q: &'a mut Vec<Lanes>,
+}
+
+impl HotLoop for Facing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Facing { operator, i, b, q } = self;
+        let columns = &operator.columns;
+        let groups = columns.starts[b]..columns.starts[b + 1];
+        q.extend(groups.map(|g| columns.seen_from(operator.points, i, g, 0xff, operator.tolerance)));
+    }
 }

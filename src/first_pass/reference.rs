@@ -7,9 +7,8 @@
 
 use super::chain::reflectance;
 use super::directions::Directions;
-use super::form_factor::projected_solid_angle;
 use super::lobe_table::LobeTable;
-use super::settings::{ChainLimits, Kernel};
+use super::settings::ChainLimits;
 use super::specular::SpecularSet;
 use super::system::System;
 use super::visibility_calls::Cones;
@@ -48,7 +47,6 @@ pub fn extended_form_factors(system: &System, limits: &ChainLimits) -> ExtendedF
 pub fn evaluate(
     system: &System,
     graph: &VisibilityGraph,
-    kernel: Kernel,
     tolerance: f32,
     lg_max: u32,
     eff_min: f64,
@@ -65,7 +63,7 @@ pub fn evaluate(
             if !(d_i > tolerance && d_j > tolerance && graph.unblocked(i, j)) {
                 continue;
             }
-            let factor = f64::from(projected_solid_angle(system.points, i, j, kernel == Kernel::Analytic));
+            let factor = f64::from(system.diffuse.factor(i, j));
             for k in 0..w {
                 evaluation.eff[(j * n + i) * w + k] += factor / PI * f64::from(system.reflectance[k * n + i]);
             }

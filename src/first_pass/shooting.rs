@@ -1,6 +1,6 @@
 //! Progressive shooting (section 3.3.2; Cohen et al. 1988): the point with most unshot power first.
 
-use super::near::NearPairs;
+use super::near::Corrections;
 use super::settings::FirstPassSettings;
 use super::system::{Solved, System, unfinished};
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 /// shot since the last time, whenever the diffuse part is done.
 pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl FnMut(f64)) -> Result<Solved> {
     let (n, w) = (system.points.len(), system.wavelengths());
-    let by_source = system.diffuse.near().transposed();
+    let by_source = system.diffuse.corrections().transposed();
     let emitted = system.emitted();
     let sources = system.sources();
     let mut state =
@@ -77,7 +77,7 @@ fn worst(part: &[f64], whole: &[f64]) -> f64 {
 
 struct Shooting<'a> {
     system: &'a System<'a>,
-    by_source: NearPairs,
+    by_source: Corrections,
     radiance: Vec<f32>,
     unshot: Vec<f32>,
     /// Shot since the chains were last followed.

@@ -78,7 +78,7 @@ impl<'a> System<'a> {
         let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
         System {
             points,
-            diffuse: DiffuseOperator::new(points, graph, settings.kernel, tolerance),
+            diffuse: DiffuseOperator::new(geometry, points, graph, settings.kernel),
             specular,
             emission,
             lights,
