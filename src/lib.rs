@@ -59,5 +59,6 @@ pub mod settings;
 mod simd;
 pub mod spectrum;
 pub mod tracers;
+pub mod validate;
 pub mod visibility;
 pub mod voxels;

@@ -25,6 +25,8 @@ pub enum Command {
     Crosscheck(Crosscheck),
     /// Tell what this build has and what a scene consists of and requires
     Info(Info),
+    /// Run the checks against closed forms and published cases: expected, found, error
+    Validate(Validate),
     /// Measure, beside the paper
     Bench(Bench),
 }
@@ -179,6 +181,20 @@ pub struct Info {
     /// Scene file; without it, what this build has
     pub scene: Option<PathBuf>,
     /// Write the same as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// `validate`
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// Ray tracer
+    #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+    pub tracer: TracerArg,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write every case as JSON
     #[arg(long, value_name = "OUT.json")]
     pub report: Option<PathBuf>,
 }

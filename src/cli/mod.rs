@@ -9,6 +9,7 @@ mod progress;
 mod relight;
 mod render;
 mod run;
+mod validate;
 
 use args::{BenchWhat, Cli, Command};
 use luxgraph::error::{Error, Result};
@@ -21,6 +22,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Measure(args) => with_threads(args.lighting.threads, || measure::run(&args)),
         Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),
         Command::Info(args) => info::run(&args),
+        Command::Validate(args) => with_threads(args.threads, || validate::run(&args)),
         Command::Bench(args) => match &args.what {
             BenchWhat::Paper { scene, tracer, threads, report } => {
                 with_threads(*threads, || bench::paper(scene, *tracer, report.as_deref()))

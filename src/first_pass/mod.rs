@@ -108,11 +108,19 @@ pub fn solve(
         let ratio = |(p, e): (&f64, &f64)| if *e > 0.0 { p.abs() / e } else { 0.0 };
         part.iter().zip(&emitted).map(ratio).fold(0.0, f64::max)
     };
+    let diffuse = &system.diffuse;
+    let (closure_error_mean, closure_error_max) = stats::closure_error(diffuse.row_sums(), &points.area);
+    let (reciprocity_error_mean, reciprocity_error_max) = stats::reciprocity_error(points, diffuse);
     let stats = FirstPassStats {
         points: points.len() as u64,
         specular_points: system.specular.points.len() as u64,
-        near_pairs: system.diffuse.corrections().near_pairs,
-        row_sum: Range::of(system.diffuse.row_sums(), &points.area),
+        near_pairs: diffuse.corrections().near_pairs,
+        summed_surfaces: diffuse.corrections().summed_surfaces,
+        row_sum: Range::of(diffuse.row_sums(), &points.area),
+        closure_error_mean,
+        closure_error_max,
+        reciprocity_error_mean,
+        reciprocity_error_max,
         lobe_error_mean: system.specular.closure_error.0,
         lobe_error_max: system.specular.closure_error.1,
         opening_cells: system.specular.cells,

@@ -49,7 +49,8 @@ pub struct FirstPassSettings {
     pub chain: ChainLimits,
     /// The method.
     pub solver: Solver,
-    /// Stop when the flux not yet absorbed is below this share of the flux emitted.
+    /// Stop when the flux not yet absorbed is below this share of the flux emitted. What is left would
+    /// be reflected 1 / (1 - ρ) times, as what was emitted is: of the flux in the scene it is the same share.
     pub tolerance: f64,
     /// Give up after this many sweeps over all pairs of points (N shots count as one sweep).
     pub max_sweeps: u32,
@@ -63,7 +64,7 @@ impl Default for FirstPassSettings {
             kernel: Kernel::default(),
             chain: ChainLimits::default(),
             solver: Solver::default(),
-            tolerance: 1e-3,
+            tolerance: 1e-4,
             max_sweeps: 2000,
             count_visibility_calls: false,
         }

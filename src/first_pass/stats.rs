@@ -5,6 +5,7 @@ use super::flow::ChainFlow;
 use super::lights::PointLighting;
 use super::specular::SpecularSet;
 use crate::points::SamplePoints;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -44,8 +45,20 @@ pub struct FirstPassStats {
     pub specular_points: u64,
     /// Ordered pairs whose factor is the exact one.
     pub near_pairs: u64,
+    /// Pairs of a point and a surface whose elements together have the exact factor.
+    pub summed_surfaces: u64,
     /// Σ_j h_ij F_ij over the points: 1 everywhere in a closed scene.
     pub row_sum: Range,
+    /// Mean (by area) of |Σ_j h_ij F_ij - 1|: where a scene is closed, what visibility from centre to
+    /// centre and the kernel are wrong by; where it is not, its openings as well.
+    pub closure_error_mean: f64,
+    /// Largest such deviation of a point.
+    pub closure_error_max: f64,
+    /// Σ |A_i F_ij - A_j F_ji| / Σ A_i F_ij over all pairs that see each other. The plain kernel has
+    /// none; factors that are exact from a point to an element differ from those of the way back.
+    pub reciprocity_error_mean: f64,
+    /// Largest |A_i F_ij - A_j F_ji| of a pair, of the larger of the two.
+    pub reciprocity_error_max: f64,
     /// Mean relative deviation of the specular lobes from their directional albedo.
     pub lobe_error_mean: f64,
     /// Largest such deviation of a direction.
@@ -88,6 +101,36 @@ impl Range {
             max: pairs().map(|(v, _)| v).fold(f64::NEG_INFINITY, f64::max),
         }
     }
+}
+
+/// Mean by area and largest |Σ_j h_ij F_ij - 1|.
+pub fn closure_error(row_sums: &[f32], area: &[f32]) -> (f64, f64) {
+    let error: Vec<f32> = row_sums.iter().map(|sum| (sum - 1.0).abs()).collect();
+    let range = Range::of(&error, area);
+    (range.mean, range.max)
+}
+
+/// Σ |A_i F_ij - A_j F_ji| / Σ A_i F_ij, and the largest |A_i F_ij - A_j F_ji| relative to the larger
+/// of the two, over all pairs that see each other.
+pub fn reciprocity_error(points: &SamplePoints, diffuse: &DiffuseOperator) -> (f64, f64) {
+    let corrections = diffuse.corrections();
+    let power = |i: usize, j: usize| f64::from(points.area[i]) * f64::from(diffuse.factor(i, j));
+    // Pairs that neither way corrects are the plain kernel's, which is reciprocal.
+    let of_row = |i: usize| {
+        let (mut sum, mut largest) = (0.0, 0.0f64);
+        for (j, _) in corrections.row(i) {
+            let (there, back) = (power(i, j), power(j, i));
+            let met_again = corrections.get(j, i) != 0.0;
+            sum += (there - back).abs() * if met_again { 1.0 } else { 2.0 };
+            largest = largest.max((there - back).abs() / there.max(back));
+        }
+        (sum, largest)
+    };
+    let rows: Vec<(f64, f64)> = (0..points.len()).into_par_iter().map(of_row).collect();
+    let total = PI * over_area(points, |i| f64::from(diffuse.row_sums()[i]));
+    let sum: f64 = rows.iter().map(|r| r.0).sum();
+    let largest = rows.iter().fold(0.0, |most, r| r.1.max(most));
+    (if total > 0.0 { sum / total } else { 0.0 }, largest)
 }
 
 /// Σ over points of area times `value(i)`.

@@ -13,7 +13,8 @@ use crate::scene::{Geometry, SampledAppearance};
 use crate::visibility::VisibilityGraph;
 use std::f64::consts::PI;
 
-/// How far one inner solve of the diffuse part goes; more would be lost on the outer one.
+/// How far one inner solve of the diffuse part goes. It decides how fast the outer solve comes to its
+/// tolerance, not where that ends.
 const INNER: f64 = 1e-2;
 
 /// The operators of a scene and its appearance, ready to be applied.

@@ -1,0 +1,53 @@
+//! Closed shapes whose light is known: every wall emits E and reflects the same share ρ, and so
+//! every wall has the radiance E / (1 - ρ), whatever the shape.
+
+use super::model::{Model, walls};
+use super::{Case, Tolerance};
+use crate::error::Result;
+use crate::geometry::Shape;
+use crate::settings::Settings;
+use crate::tracers::TracerChoice;
+use glam::DVec3;
+
+const FURNACE: &str = "energy balance: E / (1 - reflectance) everywhere";
+
+pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
+    let settings = Settings { tracer, ..Settings::default() };
+    let mut cases = Vec::new();
+    for rho in [0.95, 0.99] {
+        for n in [1, 2, 4, 8, 16] {
+            let name = format!("unit cube, reflectance {rho}, {n} x {n} elements a face");
+            let area = 1.0 / f64::from(n * n);
+            cases.push(furnace(&settings, name, &box_room([0.0; 3], [1.0; 3]), area, rho)?);
+        }
+    }
+    let room = box_room([0.0; 3], [4.0, 4.0, 3.0]);
+    cases.push(furnace(&settings, "room 4 x 4 x 3 m, reflectance 0.95".into(), &room, 0.1, 0.95)?);
+    let corridor = box_room([0.0; 3], [1.0, 20.0, 1.0]);
+    cases.push(furnace(&settings, "corridor 1 x 20 x 1 m, reflectance 0.95".into(), &corridor, 0.1, 0.95)?);
+    let slot = box_room([0.0; 3], [0.01, 1.0, 10.0]);
+    cases.push(furnace(&settings, "slot 0.01 x 1 x 10 m, reflectance 0.95".into(), &slot, 0.02, 0.95)?);
+    cases.push(furnace(&settings, "tetrahedron, reflectance 0.95".into(), &tetrahedron(), 5e-3, 0.95)?);
+    Ok(cases)
+}
+
+/// The point furthest from E / (1 - ρ), with E = 1 cd/m². Within 0.1 % everywhere.
+fn furnace(settings: &Settings, name: String, shapes: &[Shape], max_area: f64, rho: f64) -> Result<Case> {
+    let mut model = Model::default();
+    let wall = model.diffuse(rho, 1.0);
+    shapes.iter().for_each(|shape| model.add(*shape, wall, max_area));
+    let lit = model.light(settings)?;
+    let expected = 1.0 / (1.0 - rho);
+    let points = (0..lit.prepared.points.len()).map(|i| (expected, lit.luminance(i)));
+    Ok(Case::worst(format!("{name}, worst point, cd/m2"), FURNACE, Tolerance::Relative(1e-3), points))
+}
+
+fn box_room(low: [f64; 3], high: [f64; 3]) -> Vec<Shape> {
+    walls(low, high).map(|corners| Shape::Quad(corners.map(DVec3::from_array))).to_vec()
+}
+
+/// The corner x, y, z >= 0, x + y + z <= 1, seen from within.
+fn tetrahedron() -> Vec<Shape> {
+    let [o, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    [[o, x, y], [o, y, z], [o, z, x], [x, z, y]].map(Shape::Triangle).to_vec()
+}

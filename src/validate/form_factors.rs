@@ -1,0 +1,118 @@
+//! Form factors between simple shapes, and whether those of closed rooms add up.
+
+use super::model::{Model, walls};
+use super::{Case, Tolerance};
+use crate::error::Result;
+use crate::first_pass::Kernel;
+use crate::geometry::Shape;
+use crate::settings::Settings;
+use crate::tracers::TracerChoice;
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+const CATALOGUE: &str = "closed form (Howell, A Catalog of Radiation Heat Transfer Configuration Factors)";
+const CENTRES: &str = "closed form, error of cos cos dS / (pi r^2) between the centres of two unit squares";
+const CLOSURE: &str = "sum over a closed room: 1";
+
+/// Elements along an edge of a receiver.
+const FINE: f64 = 32.0;
+
+pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
+    let settings = Settings { tracer, ..Settings::default() };
+    let mut cases = Vec::new();
+    let mut compare = |name: String, found: f64, expected: f64| {
+        cases.push(Case { name, source: CATALOGUE, expected, found, tolerance: Tolerance::Relative(0.005) });
+    };
+    for (ratio, expected) in [
+        (0.1, 0.003_162_056_84),
+        (0.5, 0.068_589_588_82),
+        (1.0, 0.199_824_895_698_387_46),
+        (2.0, 0.415_253_283_58),
+        (10.0, 0.826_994_522_37),
+        (100.0, 0.980_416_602_93),
+    ] {
+        let elements = if ratio > 10.0 { 4.0 * FINE } else { FINE };
+        let found = factor(&settings, &[opposite(1.0 / ratio)], &[square(1.0)], 1.0 / (elements * elements))?;
+        compare(format!("opposite squares, side/distance {ratio}"), found, expected);
+    }
+    let small = 1.0 / (FINE * FINE);
+    let found = factor(&settings, &[wall(1.0)], &[square(1.0)], small)?;
+    compare("squares with a common edge, 90 degrees".into(), found, 0.200_043_776_075_403_16);
+    let low = factor(&settings, &[wall(1.0)], &[square(2.0)], small)?;
+    compare("perpendicular rectangles, H = 1, W = 2".into(), low, 0.116_426_301_40);
+    let high = factor(&settings, &[wall(2.0)], &[square(1.0)], small)?;
+    compare("perpendicular rectangles, H = 2, W = 1".into(), high, 0.232_852_602_80);
+    compare("reciprocity: A1 F12 / (A2 F21) of these two".into(), 2.0 * low / high, 1.0);
+    let found = factor(&settings, &disc(1.0, false), &disc(0.0, true), 2e-3)?;
+    compare("coaxial unit discs (96 sides), distance 1".into(), found, (3.0 - 5.0_f64.sqrt()) / 2.0);
+
+    for n in [1, 2, 4, 8, 16] {
+        let mut model = Model::default();
+        let grey = model.diffuse(0.5, 1.0);
+        for corners in walls([0.0; 3], [1.0; 3]) {
+            model.quad(corners, grey, 1.0 / f64::from(n * n));
+        }
+        let stats = model.light(&settings)?.solution.stats;
+        let sums = [stats.row_sum.min, stats.row_sum.max].map(|found| (1.0, found));
+        let name = format!("unit cube, {n} x {n} elements a face: sum of factors of the worst point");
+        cases.push(Case::worst(name, CLOSURE, Tolerance::Absolute(1e-5), sums));
+    }
+    let mut settings = settings;
+    settings.first_pass.kernel = Kernel::Paper;
+    for (ratio, exact, expected) in
+        [(1.0, 0.199_824_895_698_387_46, 59.3), (2.0, 0.068_589_588_82, 16.0), (10.0, 0.003_162_056_84, 0.66)]
+    {
+        let found = factor(&settings, &[opposite(ratio)], &[square(1.0)], 1.0)?;
+        let name = format!("the paper's kernel, opposite squares at {ratio} sides: too high by, %");
+        let found = 100.0 * (found / exact - 1.0);
+        cases.push(Case { name, source: CENTRES, expected, found, tolerance: Tolerance::Absolute(0.06) });
+    }
+    Ok(cases)
+}
+
+/// Factor from the receiver to the emitter, from the light that falls on the receiver.
+fn factor(settings: &Settings, emitter: &[Shape], receiver: &[Shape], max_area: f64) -> Result<f64> {
+    let mut model = Model::default();
+    let (lamp, grey) = (model.diffuse(0.0, 1.0), model.diffuse(0.5, 0.0));
+    emitter.iter().for_each(|shape| model.add(*shape, lamp, f64::MAX));
+    receiver.iter().for_each(|shape| model.add(*shape, grey, max_area));
+    let lit = model.light(settings)?;
+    let receiving = (0..receiver.len()).flat_map(|s| lit.on(emitter.len() + s));
+    Ok(lit.mean(receiving, |i| lit.illuminance(i)) / PI)
+}
+
+fn quad(corners: [[f64; 3]; 4]) -> Shape {
+    Shape::Quad(corners.map(DVec3::from_array))
+}
+
+/// In the plane z = 0, looking up: `width` along x, 1 along y.
+fn square(width: f64) -> Shape {
+    quad([[0.0, 0.0, 0.0], [width, 0.0, 0.0], [width, 1.0, 0.0], [0.0, 1.0, 0.0]])
+}
+
+/// The unit square above the origin, looking down.
+fn opposite(z: f64) -> Shape {
+    quad([[0.0, 0.0, z], [0.0, 1.0, z], [1.0, 1.0, z], [1.0, 0.0, z]])
+}
+
+/// In the plane x = 0, looking along x: 1 along y, `height` along z.
+fn wall(height: f64) -> Shape {
+    quad([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, height], [0.0, 0.0, height]])
+}
+
+/// A polygon of the area of the unit disc, in triangles.
+fn disc(z: f64, up: bool) -> Vec<Shape> {
+    const SIDES: usize = 96;
+    let side = TAU / SIDES as f64;
+    let radius = (side / side.sin()).sqrt();
+    let corner = |k: usize| {
+        let angle = side * k as f64;
+        DVec3::new(radius * angle.cos(), radius * angle.sin(), z)
+    };
+    let centre = DVec3::new(0.0, 0.0, z);
+    let triangle = |k: usize| match up {
+        true => Shape::Triangle([centre, corner(k), corner(k + 1)]),
+        false => Shape::Triangle([centre, corner(k + 1), corner(k)]),
+    };
+    (0..SIDES).map(triangle).collect()
+}

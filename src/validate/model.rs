@@ -1,0 +1,118 @@
+//! Small scenes, built and lit as any other.
+
+use crate::error::Result;
+use crate::first_pass::DiffuseSolution;
+use crate::geometry::{Shape, SurfaceId};
+use crate::material::{Body, Emission, Fresnel, Level, Material};
+use crate::observer::Silent;
+use crate::pipeline::{self, Prepared};
+use crate::points::Sampling;
+use crate::scene::{Appearance, Geometry, MaterialId, ObjectId, SampledAppearance};
+use crate::settings::Settings;
+use crate::spectrum::Spectrum;
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// A scene in the making.
+#[derive(Default)]
+pub struct Model {
+    shapes: Vec<Shape>,
+    max_area: Vec<f64>,
+    worn: Vec<MaterialId>,
+    materials: Vec<Material>,
+}
+
+/// A scene with its light.
+pub struct Lit {
+    /// Surfaces in the order in which they were added.
+    pub geometry: Geometry,
+    /// Points and graph.
+    pub prepared: Prepared,
+    /// Materials at the wavelengths of the run.
+    pub appearance: SampledAppearance,
+    /// The first pass.
+    pub solution: DiffuseSolution,
+}
+
+impl Model {
+    /// A grey diffuse material of this reflectance that emits this luminance, cd/m².
+    pub fn diffuse(&mut self, reflectance: f64, luminance: f64) -> MaterialId {
+        let grey = |value| Spectrum::Constant(value);
+        let emission = Emission { spectrum: grey(1.0), level: Level::Luminance(luminance) };
+        self.materials.push(Material {
+            name: format!("material {}", self.materials.len()),
+            body: Body::Opaque {
+                s: 0.0,
+                m: 0.0,
+                diffuse: Some(grey(reflectance)),
+                fresnel: Fresnel::Index { n: grey(1.5), k: grey(0.0) },
+            },
+            emission: (luminance > 0.0).then_some(emission),
+        });
+        MaterialId(self.materials.len() as u32 - 1)
+    }
+
+    /// Adds a surface whose elements are no larger than `max_area`, m².
+    pub fn add(&mut self, shape: Shape, material: MaterialId, max_area: f64) {
+        self.shapes.push(shape);
+        self.max_area.push(max_area);
+        self.worn.push(material);
+    }
+
+    /// Adds a quadrilateral, corners counter-clockwise from the front, with `max_area` as above.
+    pub fn quad(&mut self, corners: [[f64; 3]; 4], material: MaterialId, max_area: f64) {
+        self.add(Shape::Quad(corners.map(DVec3::from_array)), material, max_area);
+    }
+
+    /// Prepares and lights the scene.
+    pub fn light(self, settings: &Settings) -> Result<Lit> {
+        let shapes = self.shapes.iter().enumerate().map(|(i, s)| (*s, false, i as u32, ObjectId(0)));
+        let mut geometry = Geometry::new(shapes.collect(), vec!["validation".into()]);
+        geometry.max_area = self.max_area.iter().map(|&a| Some(a)).collect();
+        let appearance = Appearance { materials: self.materials, surface_material: self.worn };
+        let tracer = crate::tracers::choose(settings.tracer, &geometry)?;
+        let sampling = Sampling::by_area(f64::MAX);
+        let prepared = pipeline::prepare(&geometry, &sampling, settings, tracer.as_ref(), None, &Silent)?;
+        drop(tracer);
+        let (appearance, solution) = pipeline::light(&geometry, &prepared, &appearance, settings, &Silent)?;
+        Ok(Lit { geometry, prepared, appearance, solution })
+    }
+}
+
+/// Corners of the walls of a box as seen from within: -x, +x, -y, +y, -z, +z.
+pub fn walls(low: [f64; 3], high: [f64; 3]) -> [[[f64; 3]; 4]; 6] {
+    let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
+    [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]]
+        .map(|f| f.map(corner))
+}
+
+impl Lit {
+    /// Luminance of the diffuse light that leaves point `i`, cd/m².
+    pub fn luminance(&self, i: usize) -> f64 {
+        self.solution.wavelengths.xyz(self.solution.of(i))[1]
+    }
+
+    /// Illuminance at point `i` of a grey surface that is not black, lx.
+    pub fn illuminance(&self, i: usize) -> f64 {
+        let material = self.appearance.of(self.prepared.points.surface[i]);
+        let emitted = self.solution.wavelengths.xyz(&material.emission)[1];
+        (self.luminance(i) - emitted) * PI / f64::from(material.diffuse[0])
+    }
+
+    /// The points of surface number `s`.
+    pub fn on(&self, s: usize) -> impl Iterator<Item = usize> + '_ {
+        let points = &self.prepared.points;
+        (0..points.len()).filter(move |&i| points.surface[i] == SurfaceId(s as u32))
+    }
+
+    /// Mean by area of a quantity of `points`.
+    pub fn mean(&self, points: impl Iterator<Item = usize>, value: impl Fn(usize) -> f64) -> f64 {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for i in points {
+            let area = f64::from(self.prepared.points.area[i]);
+            sum += area * value(i);
+            total += area;
+        }
+        sum / total
+    }
+}
