@@ -48,16 +48,12 @@ pub fn run(args: &Validate) -> Result<()> {
 
 /// One group: its title, its cases under their sources, and the worst of them.
 fn print(group: &Group) {
-    println!("\n{}", group.title);
+    println!("\n{:<82} {:>13} {:>13} {:>10} {:>10}", group.title, "expected", "found", "error", "tolerance");
     let mut source = "";
     for case in &group.cases {
         if case.source != source {
             source = case.source;
-            println!("  after: {source}");
-            println!(
-                "    {:<78} {:>13} {:>13} {:>10} {:>10}",
-                "case", "expected", "found", "error", "tolerance"
-            );
+            println!("  {source}:");
         }
         let (error, tolerance) = errors(case);
         println!(

@@ -100,8 +100,6 @@ struct Run {
 struct Patches {
     /// Corners of the whole surface.
     corners: Vec<[Vec3; 4]>,
-    /// Its elements.
-    elements: Vec<u32>,
     /// What each voxel holds of them.
     runs: Vec<Vec<Run>>,
     /// Of every element.
@@ -113,7 +111,6 @@ impl Patches {
         let mut found = std::collections::HashMap::new();
         let mut patches = Patches {
             corners: Vec::new(),
-            elements: Vec::new(),
             runs: Vec::with_capacity(points.voxels()),
             extent2: (0..points.len()).map(|j| extent2(points, j)).collect(),
         };
@@ -126,10 +123,8 @@ impl Patches {
                         Shape::Quad(v) => v.map(|v| v.as_vec3()),
                         Shape::Triangle([a, b, c]) => [a, b, c, c].map(|v| v.as_vec3()),
                     });
-                    patches.elements.push(0);
                     patches.corners.len() - 1
                 });
-                patches.elements[patch] += 1;
                 match runs.last_mut() {
                     Some(run) if run.patch == patch => run.points.end = j + 1,
                     _ => runs.push(Run { patch, points: j..j + 1 }),
@@ -220,7 +215,7 @@ impl Receivers<'_> {
         row.entries.sort_unstable_by_key(|e| e.0);
         for patch in met {
             let sum = std::mem::take(&mut sums[patch]);
-            if sum.seen == 0.0 || sum.doubt < DOUBT || self.patches.elements[patch] == 1 {
+            if sum.seen == 0.0 || sum.doubt < DOUBT {
                 continue;
             }
             let whole = exact(points.position[i], points.normal[i], &self.patches.corners[patch]);

@@ -43,7 +43,13 @@ struct Albedo {
 pub fn run() -> Result<Vec<Case>> {
     let points: Points = expected::table(include_str!("data/cook_torrance_points.json"))?;
     let albedos: Albedos = expected::table(include_str!("data/cook_torrance_albedo.json"))?;
+    // Where a table has 0 it means less than 1e-300.
+    let tolerance = |expected: f64, share: f64| match expected > 1e-290 {
+        true => Tolerance::Relative(share),
+        false => Tolerance::Absolute(1e-290),
+    };
     let mut cases = Vec::new();
+    let (mut masking, mut back) = (Vec::new(), Vec::new());
     for p in &points.points {
         let [ti, tr, az] = [p.theta_i_deg, p.theta_r_deg, p.azimuth_deg].map(f64::to_radians);
         let i = DVec3::new(ti.sin(), 0.0, ti.cos());
@@ -51,21 +57,24 @@ pub fn run() -> Result<Vec<Case>> {
         let h = (i + r).normalize();
         // Rounding of tan²α, relative to m², goes straight into the exponent of D.
         let rounding = 1e-9 + 4e-15 / (p.m * p.m);
-        let name = format!("{} to {} at {} degrees, m {}", p.theta_i_deg, p.theta_r_deg, p.azimuth_deg, p.m);
-        let mut compare = |what: &str, source, expected: f64, found: f64, rounding: f64| {
-            // Where the table has 0 it means less than 1e-300.
-            let tolerance = match expected > 1e-290 {
-                true => Tolerance::Relative(rounding),
-                false => Tolerance::Absolute(1e-290),
-            };
-            cases.push(Case { name: format!("{what}, {name}"), source, expected, found, tolerance });
-        };
         let reflected = rs_over_f(i.z, r.z, h.z, i.dot(h), p.m);
-        compare("D", DIGITS, p.D, beckmann_d(h.z, p.m), rounding);
-        compare("G", DIGITS, p.G, masking_g(h.z, i.z, r.z, i.dot(h)), 1e-10);
-        compare("R_s/F, 1/sr", DIGITS, p.Rs_over_F, reflected, rounding);
-        compare("R_s/F back, 1/sr", RECIPROCITY, reflected, rs_over_f(r.z, i.z, h.z, r.dot(h), p.m), 1e-12);
+        for (what, expected, found) in
+            [("D", p.D, beckmann_d(h.z, p.m)), ("R_s/F, 1/sr", p.Rs_over_F, reflected)]
+        {
+            let name = format!(
+                "{what}, {} to {} at {} degrees, m {}",
+                p.theta_i_deg, p.theta_r_deg, p.azimuth_deg, p.m
+            );
+            let tolerance = tolerance(expected, rounding);
+            cases.push(Case { name, source: DIGITS, expected, found, tolerance });
+        }
+        masking.push((p.G, masking_g(h.z, i.z, r.z, i.dot(h))));
+        back.push((reflected, rs_over_f(r.z, i.z, h.z, r.dot(h), p.m)));
     }
+    let all = "worst of the pairs of directions above";
+    cases.push(Case::worst(format!("G, {all}"), DIGITS, Tolerance::Absolute(1e-10), masking));
+    let back = back.into_iter().filter(|(there, _)| *there > 1e-290);
+    cases.push(Case::worst(format!("R_s/F, {all}"), RECIPROCITY, Tolerance::Relative(1e-12), back));
     for a in &albedos.values {
         cases.push(Case {
             name: format!("directional albedo, m {}, {} degrees", a.m, a.theta_i_deg),

@@ -28,6 +28,13 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
     let slot = box_room([0.0; 3], [0.01, 1.0, 10.0]);
     cases.push(furnace(&settings, "slot 0.01 x 1 x 10 m, reflectance 0.95".into(), &slot, 0.02, 0.95)?);
     cases.push(furnace(&settings, "tetrahedron, reflectance 0.95".into(), &tetrahedron(), 5e-3, 0.95)?);
+    let name = "L-shaped room 2 x 2 x 1 m, reflectance 0.8".into();
+    cases.push(furnace(&settings, name, &l_room(), 0.01, 0.8)?);
+    let mut boxed = room;
+    let outside = walls([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]).map(|[a, b, c, d]| [d, c, b, a]);
+    boxed.extend(outside.map(|corners| Shape::Quad(corners.map(DVec3::from_array))));
+    let name = "room 4 x 4 x 3 m around a box, reflectance 0.8".into();
+    cases.push(furnace(&settings, name, &boxed, 0.04, 0.8)?);
     Ok(cases)
 }
 
@@ -50,4 +57,20 @@ fn box_room(low: [f64; 3], high: [f64; 3]) -> Vec<Shape> {
 fn tetrahedron() -> Vec<Shape> {
     let [o, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     [[o, x, y], [o, y, z], [o, z, x], [x, z, y]].map(Shape::Triangle).to_vec()
+}
+
+/// Two cubes of 1 m to the sides of a third, seen from within.
+fn l_room() -> Vec<Shape> {
+    let outline = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+    let at = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
+    let wall = |k: usize| {
+        let (a, b) = (outline[k], outline[(k + 1) % 6]);
+        Shape::Quad([at(a, 0.0), at(a, 1.0), at(b, 1.0), at(b, 0.0)])
+    };
+    let floors = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].into_iter().flat_map(|[x, y]| {
+        let square = [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]];
+        let [a, b, c, d] = square.map(|c| at(c, 1.0));
+        [Shape::Quad(square.map(|c| at(c, 0.0))), Shape::Quad([a, d, c, b])]
+    });
+    (0..6).map(wall).chain(floors).collect()
 }
