@@ -52,7 +52,7 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
         for corners in walls([0.0; 3], [1.0; 3]) {
             model.quad(corners, grey, 1.0 / f64::from(n * n));
         }
-        let stats = model.light(&settings)?.solution.stats;
+        let stats = model.light(&settings)?.solution().stats.clone();
         let sums = [stats.row_sum.min, stats.row_sum.max].map(|found| (1.0, found));
         let name = format!("unit cube, {n} x {n} elements a face: sum of factors of the worst point");
         cases.push(Case::worst(name, CLOSURE, Tolerance::Absolute(1e-5), sums));

@@ -4,6 +4,7 @@
 //! Scenes are made and lit through the library as any user's are. What is expected comes from the
 //! source that a case names, never from an earlier run.
 
+mod cie171;
 mod colours;
 mod cook_torrance;
 mod enclosures;
@@ -12,6 +13,7 @@ mod form_factors;
 mod fresnel;
 pub mod meyer;
 mod model;
+mod photometry;
 
 use crate::error::Result;
 use crate::observer::Observer;
@@ -139,9 +141,11 @@ impl Group {
 /// Those of the pipeline: a check that cannot be carried out at all is no check.
 pub fn run(tracer: TracerChoice, observer: &dyn Observer) -> Result<Vec<Group>> {
     type Checks = fn(TracerChoice) -> Result<Vec<Case>>;
-    let subjects: [(&'static str, Checks); 7] = [
+    let subjects: [(&'static str, Checks); 9] = [
         ("Form factors", form_factors::run),
+        ("CIE 171:2006, analytical cases", cie171::run),
         ("Furnaces and enclosures", enclosures::run),
+        ("Photometry", photometry::run),
         ("Cook-Torrance reflection", |_| cook_torrance::run()),
         ("Fresnel factors", |_| fresnel::run()),
         ("Colours", |_| colours::run()),

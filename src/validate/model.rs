@@ -4,12 +4,17 @@ use crate::error::Result;
 use crate::first_pass::DiffuseSolution;
 use crate::geometry::{Shape, SurfaceId};
 use crate::material::{Body, Emission, Fresnel, Level, Material};
+use crate::measure::{Illuminance, Reading};
 use crate::observer::Silent;
 use crate::pipeline::{self, Prepared};
 use crate::points::Sampling;
-use crate::scene::{Appearance, Geometry, MaterialId, ObjectId, SampledAppearance};
+use crate::scene::{
+    Appearance, Distribution, Geometry, LightLevel, LightSource, MaterialId, ObjectId, PointLight,
+    SampledAppearance, Sensor,
+};
 use crate::settings::Settings;
 use crate::spectrum::Spectrum;
+use crate::tracers;
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -20,18 +25,18 @@ pub struct Model {
     max_area: Vec<f64>,
     worn: Vec<MaterialId>,
     materials: Vec<Material>,
+    lights: Vec<(DVec3, Distribution, LightSource)>,
 }
 
 /// A scene with its light.
-pub struct Lit {
+pub struct Lit<'a> {
+    settings: &'a Settings,
     /// Surfaces in the order in which they were added.
-    pub geometry: Geometry,
+    geometry: Geometry,
     /// Points and graph.
     pub prepared: Prepared,
-    /// Materials at the wavelengths of the run.
-    pub appearance: SampledAppearance,
-    /// The first pass.
-    pub solution: DiffuseSolution,
+    /// Materials at the wavelengths of the run, and the first pass.
+    lit: (SampledAppearance, DiffuseSolution),
 }
 
 impl Model {
@@ -64,18 +69,36 @@ impl Model {
         self.add(Shape::Quad(corners.map(DVec3::from_array)), material, max_area);
     }
 
+    /// Adds a point light.
+    pub fn point(
+        &mut self,
+        position: [f64; 3],
+        distribution: Distribution,
+        spectrum: Spectrum,
+        level: LightLevel,
+    ) {
+        self.lights.push((DVec3::from_array(position), distribution, LightSource { spectrum, level }));
+    }
+
     /// Prepares and lights the scene.
-    pub fn light(self, settings: &Settings) -> Result<Lit> {
+    pub fn light(self, settings: &Settings) -> Result<Lit<'_>> {
         let shapes = self.shapes.iter().enumerate().map(|(i, s)| (*s, false, i as u32, ObjectId(0)));
         let mut geometry = Geometry::new(shapes.collect(), vec!["validation".into()]);
         geometry.max_area = self.max_area.iter().map(|&a| Some(a)).collect();
-        let appearance = Appearance { materials: self.materials, surface_material: self.worn };
-        let tracer = crate::tracers::choose(settings.tracer, &geometry)?;
+        let mut lights = Vec::new();
+        for (position, distribution, source) in self.lights {
+            let (name, position) = (format!("light {}", lights.len()), position - geometry.centre);
+            geometry.lights.push(PointLight { name, position, distribution });
+            lights.push(source);
+        }
+        let appearance = Appearance { materials: self.materials, surface_material: self.worn, lights };
         let sampling = Sampling::by_area(f64::MAX);
-        let prepared = pipeline::prepare(&geometry, &sampling, settings, tracer.as_ref(), None, &Silent)?;
-        drop(tracer);
-        let (appearance, solution) = pipeline::light(&geometry, &prepared, &appearance, settings, &Silent)?;
-        Ok(Lit { geometry, prepared, appearance, solution })
+        let prepared = {
+            let tracer = tracers::choose(settings.tracer, &geometry)?;
+            pipeline::prepare(&geometry, &sampling, settings, tracer.as_ref(), None, &Silent)?
+        };
+        let lit = pipeline::light(&geometry, &prepared, &appearance, settings, &Silent)?;
+        Ok(Lit { settings, geometry, prepared, lit })
     }
 }
 
@@ -86,16 +109,21 @@ pub fn walls(low: [f64; 3], high: [f64; 3]) -> [[[f64; 3]; 4]; 6] {
         .map(|f| f.map(corner))
 }
 
-impl Lit {
+impl Lit<'_> {
+    /// The first pass.
+    pub fn solution(&self) -> &DiffuseSolution {
+        &self.lit.1
+    }
+
     /// Luminance of the diffuse light that leaves point `i`, cd/m².
     pub fn luminance(&self, i: usize) -> f64 {
-        self.solution.wavelengths.xyz(self.solution.of(i))[1]
+        self.solution().wavelengths.xyz(self.solution().of(i))[1]
     }
 
     /// Illuminance at point `i` of a grey surface that is not black, lx.
     pub fn illuminance(&self, i: usize) -> f64 {
-        let material = self.appearance.of(self.prepared.points.surface[i]);
-        let emitted = self.solution.wavelengths.xyz(&material.emission)[1];
+        let material = self.lit.0.of(self.prepared.points.surface[i]);
+        let emitted = self.solution().wavelengths.xyz(&material.emission)[1];
         (self.luminance(i) - emitted) * PI / f64::from(material.diffuse[0])
     }
 
@@ -114,5 +142,30 @@ impl Lit {
             total += area;
         }
         sum / total
+    }
+
+    /// What sensors at these places with these normals read.
+    pub fn read(&self, sensors: impl IntoIterator<Item = ([f64; 3], [f64; 3])>) -> Result<Vec<Reading>> {
+        let sensor = |(position, normal)| Sensor {
+            name: "validation".into(),
+            position: DVec3::from_array(position),
+            normal: DVec3::from_array(normal),
+        };
+        let sensors: Vec<Sensor> = sensors.into_iter().map(sensor).collect();
+        let (tracer, measure) =
+            (tracers::choose(self.settings.tracer, &self.geometry)?, &self.settings.measure);
+        let (prepared, lit) = (&self.prepared, &self.lit);
+        pipeline::measure(&self.geometry, prepared, lit, &sensors, tracer.as_ref(), measure, &Silent)
+    }
+
+    /// Photopic and melanopic illuminance of an irradiance.
+    pub fn lux(&self, irradiance: &[f64]) -> Illuminance {
+        Illuminance::of(irradiance, &self.solution().wavelengths)
+    }
+
+    /// Illuminance at one sensor, lx.
+    pub fn illuminance_at(&self, position: [f64; 3], normal: [f64; 3]) -> Result<f64> {
+        let readings = self.read([(position, normal)])?;
+        Ok(readings.iter().map(|r| self.lux(&r.total()).illuminance_lx).sum())
     }
 }
