@@ -6,8 +6,20 @@ use crate::points::SamplePoints;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
-/// An element that subtends more than this (δS / r², sr) gets its exact factor. The plain kernel's
-/// error is about a third of δS / r² (0.33 % here on the axis of a square, of either sign elsewhere).
+/// An element whose extent² / r² is above this gets its exact factor; see [`extent2`].
+///
+/// What the plain kernel is wrong by at the threshold, in per cent of the factor of the element seen
+/// from its front, the worse of both ways to turn it (measured by the test
+/// `the_threshold_of_the_plain_kernel_is_measured`; it grows with extent² / r²):
+///
+/// | sides of the element, the same extent | 1:1 | 10:1 | 10⁴:1 | 10⁴:1 if judged by its area |
+/// |---|---|---|---|---|
+/// | parallel to the receiver | 0.33 | 0.33 | 0.33 | 84 |
+/// | tilted by 60 degrees | 0.08 | 0.33 | 0.33 | 42 |
+/// | perpendicular to the receiver | 0.08 | 0.33 | 0.33 | 42 |
+///
+/// The elements of one surface err the same way, which is why they are also summed up as a whole
+/// ([`super::near`]).
 pub const NEAR: f32 = 0.01;
 
 /// Distances of two points from each other's planes: `(d_i(j), d_j(i), r²)`, m and m².
