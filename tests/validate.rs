@@ -3,33 +3,45 @@
 use luxgraph::observer::Silent;
 use luxgraph::tracers::{TracerChoice, embree};
 use luxgraph::validate::{self, Case, Tolerance};
+use serde_json::Value;
+use std::process::Command;
 
-fn all_pass(choice: TracerChoice) {
-    let groups = validate::run(choice, &Silent).unwrap();
+#[test]
+fn all_checks_pass_with_the_voxel_tracer() {
+    let groups = validate::run(TracerChoice::Voxel, &Silent).unwrap();
     let failed: Vec<&Case> = groups.iter().flat_map(|g| &g.cases).filter(|c| !c.passes()).collect();
-    for group in &groups {
-        println!(
-            "{}: {} cases, {:.1} s, worst {:?}",
-            group.title,
-            group.cases.len(),
-            group.wall_s,
-            group.worst()
-        );
-    }
     assert!(failed.is_empty(), "{failed:#?}");
     assert!(groups.iter().all(|g| !g.cases.is_empty()));
 }
 
+/// The tracer that is chosen by default, through the command.
 #[test]
-fn all_checks_pass_with_the_voxel_tracer() {
-    all_pass(TracerChoice::Voxel);
+fn the_command_says_that_all_checks_pass() {
+    let dir = tempfile::tempdir().unwrap();
+    let report = dir.path().join("report.json");
+    let output = Command::new(env!("CARGO_BIN_EXE_luxgraph"))
+        .args(["validate", "--report"])
+        .arg(&report)
+        .output()
+        .expect("the command starts");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let cases = report["groups"].as_array().unwrap().iter().flat_map(|g| g["cases"].as_array().unwrap());
+    let (all, passed) = (cases.clone().count(), cases.filter(|c| c["pass"] == true).count());
+    assert!(all > 400 && passed == all);
+    assert_eq!(said.lines().last(), Some(format!("{all} of {all} pass").as_str()));
+    assert_eq!(report["tracer"], if embree::available().is_some() { "embree" } else { "voxel" });
+    assert_eq!(report["cases"], all);
 }
 
 #[test]
-fn all_checks_pass_with_embree() {
-    if embree::available().is_some() {
-        all_pass(TracerChoice::Embree);
-    }
+fn a_report_that_cannot_be_written_is_refused_before_the_work() {
+    let output = Command::new(env!("CARGO_BIN_EXE_luxgraph"))
+        .args(["validate", "--report", "no/such/folder/report.json"])
+        .output()
+        .expect("the command starts");
+    assert!(!output.status.success() && output.stdout.is_empty());
 }
 
 #[test]

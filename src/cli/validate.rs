@@ -2,7 +2,7 @@
 
 use super::args::Validate;
 use super::progress::Bars;
-use super::run::tracer_choice;
+use super::run::{check_outputs, tracer_choice};
 use luxgraph::error::{Error, Result};
 use luxgraph::report::{Machine, write_json};
 use luxgraph::tracers::embree;
@@ -23,6 +23,7 @@ struct Report {
 
 /// Runs all checks, prints them in groups, and fails where one fails.
 pub fn run(args: &Validate) -> Result<()> {
+    check_outputs(&[args.report.as_ref()], &[])?;
     let choice = tracer_choice(args.tracer);
     let tracer = match choice {
         luxgraph::tracers::TracerChoice::Voxel => "voxel",

@@ -1,7 +1,8 @@
 //! Small scenes, built and lit as any other.
 
 use crate::error::Result;
-use crate::first_pass::DiffuseSolution;
+use crate::first_pass::diffuse::DiffuseOperator;
+use crate::first_pass::{DiffuseSolution, Kernel};
 use crate::geometry::{Shape, SurfaceId};
 use crate::material::{Body, Emission, Fresnel, Level, Material};
 use crate::measure::{Illuminance, Reading};
@@ -142,6 +143,23 @@ impl Lit<'_> {
             total += area;
         }
         sum / total
+    }
+
+    /// Spectral radius of the form factors: by how much light grows from one diffuse bounce between
+    /// perfectly white walls to the next.
+    pub fn growth(&self, kernel: Kernel) -> f64 {
+        let operator =
+            DiffuseOperator::new(&self.geometry, &self.prepared.points, &self.prepared.graph, kernel);
+        let mut light = vec![1.0; self.prepared.points.len()];
+        let mut growth = 0.0;
+        for _ in 0..40 {
+            let next: Vec<f32> =
+                operator.irradiance(&light, |_| true).iter().map(|e| e / PI as f32).collect();
+            let norm = |l: &[f32]| l.iter().map(|&l| f64::from(l).powi(2)).sum::<f64>().sqrt();
+            growth = norm(&next) / norm(&light);
+            light = next.iter().map(|l| l / growth as f32).collect();
+        }
+        growth
     }
 
     /// What sensors at these places with these normals read.
