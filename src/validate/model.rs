@@ -58,6 +58,16 @@ impl Model {
         MaterialId(self.materials.len() as u32 - 1)
     }
 
+    /// A clear pane of this index.
+    pub fn pane(&mut self, n: f64) -> MaterialId {
+        self.materials.push(Material {
+            name: format!("material {}", self.materials.len()),
+            body: Body::Pane { n: Spectrum::Constant(n), transmittance: Spectrum::Constant(1.0) },
+            emission: None,
+        });
+        MaterialId(self.materials.len() as u32 - 1)
+    }
+
     /// Adds a surface whose elements are no larger than `max_area`, m².
     pub fn add(&mut self, shape: Shape, material: MaterialId, max_area: f64) {
         self.shapes.push(shape);
@@ -83,7 +93,10 @@ impl Model {
 
     /// Prepares and lights the scene.
     pub fn light(self, settings: &Settings) -> Result<Lit<'_>> {
-        let shapes = self.shapes.iter().enumerate().map(|(i, s)| (*s, false, i as u32, ObjectId(0)));
+        // Glass has points on both sides.
+        let glass = |m: MaterialId| matches!(self.materials[m.0 as usize].body, Body::Pane { .. });
+        let shapes = self.shapes.iter().zip(&self.worn).enumerate();
+        let shapes = shapes.map(|(i, (s, m))| (*s, glass(*m), i as u32, ObjectId(0)));
         let mut geometry = Geometry::new(shapes.collect(), vec!["validation".into()]);
         geometry.max_area = self.max_area.iter().map(|&a| Some(a)).collect();
         let mut lights = Vec::new();
