@@ -43,15 +43,18 @@ pub fn run() -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for (material, lines) in &table.materials {
         for line in lines {
-            let factors: [(&str, &[f64], fn(f64, f64, f64) -> f64); 3] = [
-                ("R_s", &line.R_s, |c, n, k| polarised(c, n, k)[0]),
-                ("R_p", &line.R_p, |c, n, k| polarised(c, n, k)[1]),
-                ("unpolarised", &line.R_unpolarised, unpolarised),
-            ];
-            for (what, values, factor) in factors {
+            let found: Vec<[f64; 3]> = cosines(&table.angles_deg)
+                .into_iter()
+                .map(|c| {
+                    let [s, p] = polarised(c, line.n, line.k);
+                    [s, p, unpolarised(c, line.n, line.k)]
+                })
+                .collect();
+            let expected = [("R_s", &line.R_s), ("R_p", &line.R_p), ("unpolarised", &line.R_unpolarised)];
+            for (which, (what, values)) in expected.into_iter().enumerate() {
                 let name = format!("{material}, {} nm, {what}, worst of 10 angles", line.wavelength_nm);
-                let found = cosines(&table.angles_deg).into_iter().map(|c| factor(c, line.n, line.k));
-                cases.push(Case::worst(name, DIGITS, tolerance, values.iter().copied().zip(found)));
+                let pairs = values.iter().copied().zip(found.iter().map(|f| f[which]));
+                cases.push(Case::worst(name, DIGITS, tolerance, pairs));
             }
         }
     }
