@@ -2,7 +2,8 @@
 //! programs*. Its tolerance is 5 % a point; these are held to 0.5 %. The numbers are the closed forms
 //! that the cases stand for, evaluated anew. This is validation against the cases, not certification.
 
-use super::model::{Lit, Model, walls};
+use super::model::{Lit, Model};
+use super::shapes::walls;
 use super::{Case, Tolerance};
 use crate::error::Result;
 use crate::material::fresnel;

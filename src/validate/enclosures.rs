@@ -1,7 +1,8 @@
 //! Closed shapes whose light is known: every wall emits E and reflects the same share ρ, and so
 //! every wall has the radiance E / (1 - ρ), whatever the shape.
 
-use super::model::{Lit, Model, walls};
+use super::model::{Lit, Model};
+use super::shapes::walls;
 use super::{Case, Tolerance};
 use crate::error::Result;
 use crate::geometry::Shape;

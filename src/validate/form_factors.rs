@@ -1,6 +1,7 @@
 //! Form factors between simple shapes, and whether those of closed rooms add up.
 
-use super::model::{Model, walls};
+use super::model::Model;
+use super::shapes::walls;
 use super::{Case, Tolerance};
 use crate::error::Result;
 use crate::first_pass::Kernel;
@@ -79,6 +80,16 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
         let found = 100.0 * (found / exact - 1.0);
         cases.push(Case { name, source: CENTRES, expected, found, tolerance: Tolerance::Absolute(0.06) });
     }
+    // The same at any refinement.
+    let found = factor(&settings, &[wall(1.0)], &[square(1.0)], 1.0)?;
+    let name = "the paper's kernel, two equal squares with a common edge, 90 degrees".into();
+    cases.push(Case {
+        name,
+        source: CENTRES,
+        expected: 1.0 / PI,
+        found,
+        tolerance: Tolerance::Relative(1e-5),
+    });
     Ok(cases)
 }
 

@@ -14,6 +14,7 @@ mod fresnel;
 pub mod meyer;
 mod model;
 mod photometry;
+mod shapes;
 
 use crate::error::Result;
 use crate::observer::Observer;

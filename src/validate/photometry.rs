@@ -1,9 +1,8 @@
 //! Lights of known flux, and what melanopsin makes of known spectra.
 
 use super::model::Model;
-use super::{Case, Tolerance};
+use super::{Case, Tolerance, shapes};
 use crate::error::{Error, Result};
-use crate::geometry::Shape;
 use crate::scene::{Distribution, LightLevel};
 use crate::settings::Settings;
 use crate::spectrum::{Spectrum, Wavelengths, library};
@@ -65,54 +64,15 @@ fn table() -> Model {
     model
 }
 
-/// The sphere as 1280 triangles that have its area together.
+/// Light from the middle of a sphere.
 fn sphere(settings: &Settings) -> Result<Case> {
-    let mut triangles = icosahedron();
-    for _ in 0..3 {
-        triangles = triangles.into_iter().flat_map(divide).collect();
-    }
-    let area: f64 = triangles.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length()).sum();
-    let radius = (4.0 * PI / area).sqrt();
     let mut model = Model::default();
     let grey = model.diffuse(0.5, 0.0);
-    for [a, b, c] in triangles {
-        // Seen from within.
-        model.add(Shape::Triangle([a, c, b].map(|v| radius * v)), grey, f64::MAX);
-    }
+    shapes::sphere().into_iter().for_each(|triangle| model.add(triangle, grey, f64::MAX));
     let level = LightLevel::LuminousIntensity(PI);
     model.point([0.0; 3], Distribution::Isotropic, Spectrum::Constant(1.0), level);
     let lit = model.light(settings)?;
     let points = (0..lit.prepared.points.len()).map(|i| (1.0, lit.luminance(i)));
     let name = "1280 triangles of the sphere's area, worst of them, cd/m2";
     Ok(Case::worst(name, SPHERE, Tolerance::Relative(0.005), points))
-}
-
-/// Corners on the unit sphere, counter-clockwise from outside.
-fn icosahedron() -> Vec<[DVec3; 3]> {
-    let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
-    let mut corners = Vec::new();
-    for a in [-1.0, 1.0] {
-        for b in [-golden, golden] {
-            corners.extend([DVec3::new(0.0, a, b), DVec3::new(a, b, 0.0), DVec3::new(b, 0.0, a)]);
-        }
-    }
-    let mut triangles = Vec::new();
-    // Faces are the triples of neighbours, 2 apart.
-    let near = |a: DVec3, b: DVec3| (a.distance(b) - 2.0).abs() < 1e-9;
-    for (i, &a) in corners.iter().enumerate() {
-        for (j, &b) in corners.iter().enumerate().skip(i + 1) {
-            for &c in corners.iter().skip(j + 1).filter(|&&c| near(a, b) && near(b, c) && near(c, a)) {
-                let outwards = (b - a).cross(c - a).dot(a) > 0.0;
-                let face = if outwards { [a, b, c] } else { [a, c, b] };
-                triangles.push(face.map(DVec3::normalize));
-            }
-        }
-    }
-    triangles
-}
-
-/// Four triangles with all corners on the unit sphere.
-fn divide([a, b, c]: [DVec3; 3]) -> [[DVec3; 3]; 4] {
-    let [x, y, z] = [b + c, c + a, a + b].map(DVec3::normalize);
-    [[a, z, y], [z, b, x], [y, x, c], [x, y, z]]
 }
