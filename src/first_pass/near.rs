@@ -219,7 +219,9 @@ impl Receivers<'_> {
                 continue;
             }
             let whole = exact(points.position[i], points.normal[i], &self.patches.corners[patch]);
-            let lacking = (sum.seen * (whole / sum.all - 1.0)) as f32;
+            // The visible part shares the error of the whole. What is too much comes off one element,
+            // but never more than half of it.
+            let lacking = ((sum.seen * (whole / sum.all - 1.0)) as f32).max(-0.5 * sum.best.1);
             row.surfaces += 1;
             match row.entries.binary_search_by_key(&sum.best.0, |e| e.0) {
                 Ok(at) => row.entries[at].1 += lacking,
