@@ -44,13 +44,6 @@ fn built_in<T>(found: Option<T>, name: &str) -> Result<T> {
     found.ok_or_else(|| Error::Numerical(format!("the built-in spectrum {name} is missing")))
 }
 
-/// light x reflectance at 1 nm.
-pub fn product(light: &Spectrum, reflectance: impl Fn(f64) -> f64) -> Spectrum {
-    let nm: Vec<f64> = (380..=780).map(f64::from).collect();
-    let value = nm.iter().map(|&x| light.at(x) * reflectance(x)).collect();
-    Spectrum::Tabulated { nm, value }
-}
-
 pub fn run() -> Result<Vec<Case>> {
     let table: Colorimetry = expected::table(include_str!("data/colorimetry.json"))?;
     let mut cases = Vec::new();
@@ -98,7 +91,7 @@ fn compare(
     reflectance: impl Fn(f64) -> f64,
 ) -> Vec<Case> {
     let white = xyz_of(light);
-    let xyz = xyz_of(&product(light, reflectance)).map(|x| x / white[1]);
+    let xyz = xyz_of(&light.times(reflectance)).map(|x| x / white[1]);
     let found_lab = lab(xyz, white.map(|x| x / white[1]));
     let linear = xyz_to_linear_srgb(xyz);
     let worst = |what: &str, tolerance: f64, expected: [f64; 3], found: [f64; 3]| {

@@ -1,7 +1,6 @@
 //! What four wavelengths cost in colour: G. W. Meyer, *Wavelength Selection for Synthetic Image
 //! Generation* (1988). The error is part of the rule, and a right implementation has neither more nor less.
 
-use super::colours::product;
 use super::{Case, Tolerance};
 use crate::colour::{delta_e_76, delta_e_2000, lab};
 use crate::error::{Error, Result};
@@ -58,7 +57,7 @@ pub fn patch_errors(wavelengths: &Wavelengths, light: &Spectrum, lamp: &[f64], o
     };
     let (mut mean_76, mut max_76, mut mean_00, mut max_00) = (0.0, 0.0_f64, 0.0, 0.0_f64);
     for patch in library::reflectance_names().into_iter().filter_map(library::reflectance) {
-        let a = lab(scaled(xyz_of(&product(light, |nm| patch.at(nm))), 1.0 / exact[1]), white);
+        let a = lab(scaled(xyz_of(&light.times(|nm| patch.at(nm))), 1.0 / exact[1]), white);
         let reflected: Vec<f64> = wavelengths.sample(&patch).iter().zip(lamp).map(|(r, s)| r * s).collect();
         let b = lab(scaled(wavelengths.xyz(&reflected), scale), sampled_white);
         mean_76 += delta_e_76(a, b) / 24.0;
