@@ -70,12 +70,31 @@ pub struct Bounds {
     pub low: [Lanes; 2],
     /// Largest coordinates.
     pub high: [Lanes; 2],
-    /// Largest cosine, for a rough lobe.
+    /// Largest cosine.
     pub z: Lanes,
-    /// Largest extents: spread and blur of a rough lobe, extent and nearness (x and y) of an ideal one.
-    pub most: [Lanes; 4],
+    /// Largest spread and blur, for a rough lobe.
+    pub most: [Lanes; 2],
     /// Largest depth, for an ideal lobe.
     pub depth: Lanes,
+    /// Extents along x and y, for an ideal lobe.
+    pub ideal: [IdealBounds; 2],
+}
+
+/// What holds for the [`ideal::Extent`]s of each of [`LANES`] groups along an axis.
+#[derive(Clone, Copy, Debug)]
+pub struct IdealBounds {
+    /// Largest a of the spread, smallest and largest b.
+    pub square: Lanes,
+    /// Smallest b.
+    pub least: Lanes,
+    /// Largest b.
+    pub most: Lanes,
+    /// Largest spread of an element along its own direction.
+    pub own: Lanes,
+    /// Largest nearness.
+    pub nearest: Lanes,
+    /// Smallest nearness.
+    pub farthest: Lanes,
 }
 
 impl Bounds {
@@ -84,27 +103,38 @@ impl Bounds {
         low: [[f32::MAX; LANES]; 2],
         high: [[f32::MIN; LANES]; 2],
         z: [0.0; LANES],
-        most: [[0.0; LANES]; 4],
+        most: [[0.0; LANES]; 2],
         depth: [0.0; LANES],
+        ideal: [IdealBounds {
+            square: [0.0; LANES],
+            least: [f32::MAX; LANES],
+            most: [f32::MIN; LANES],
+            own: [0.0; LANES],
+            nearest: [0.0; LANES],
+            farthest: [f32::MAX; LANES],
+        }; 2],
     };
 
     /// Takes in a direction of the group in `lane`.
     fn include(&mut self, lane: usize, d: &Direction, ideal: bool) {
-        let (at, most) = if ideal {
-            let ([x, y], [gx, gy]) = (d.ideal.own_spread(), d.ideal.nearness);
-            (d.ideal.slope, [x, y, gx, gy])
-        } else {
-            ([d.to[0], d.to[1]], [d.rough.spread, d.rough.blur, 0.0, 0.0])
-        };
-        for (axis, at) in at.into_iter().enumerate() {
-            self.low[axis][lane] = self.low[axis][lane].min(at);
-            self.high[axis][lane] = self.high[axis][lane].max(at);
+        let raise = |most: &mut Lanes, v: f32| most[lane] = most[lane].max(v);
+        let lower = |least: &mut Lanes, v: f32| least[lane] = least[lane].min(v);
+        for axis in 0..2 {
+            let at = if ideal { d.ideal.slope[axis] } else { d.to[axis] };
+            lower(&mut self.low[axis], at);
+            raise(&mut self.high[axis], at);
+            let of = &mut self.ideal[axis];
+            raise(&mut of.square, d.ideal.spread[axis][0]);
+            lower(&mut of.least, d.ideal.spread[axis][1]);
+            raise(&mut of.most, d.ideal.spread[axis][1]);
+            raise(&mut of.own, d.ideal.own_spread()[axis]);
+            raise(&mut of.nearest, d.ideal.nearness[axis]);
+            lower(&mut of.farthest, d.ideal.nearness[axis]);
         }
-        self.z[lane] = self.z[lane].max(d.to[2]);
-        self.depth[lane] = self.depth[lane].max(d.ideal.depth);
-        for (own, most) in self.most.iter_mut().zip(most) {
-            own[lane] = own[lane].max(most);
-        }
+        raise(&mut self.z, d.to[2]);
+        raise(&mut self.most[0], d.rough.spread);
+        raise(&mut self.most[1], d.rough.blur);
+        raise(&mut self.depth, d.ideal.depth);
     }
 
     /// How far `-at` lies outside the box of a group along an axis.
@@ -176,7 +206,8 @@ impl Directions {
                 d.bounds.push(Bounds::NONE);
             }
             let bounds = &mut d.bounds[g / LANES];
-            group.iter().for_each(|direction| bounds.include(g % LANES, direction, ideal));
+            let shown = group.iter().filter(|direction| direction.to[2] > 0.0);
+            shown.for_each(|direction| bounds.include(g % LANES, direction, ideal));
         }
         d
     }

@@ -124,74 +124,136 @@ impl Extents {
 /// A bit for each group that the lobe of `a` may reach.
 #[inline(always)]
 pub fn reached(bounds: &Bounds, a: &Direction, side: [f32; 2]) -> u32 {
-    let (a, own) = (&a.ideal, a.ideal.own_spread());
-    let mut reached = [0u32; LANES];
-    for (l, reached) in reached.iter_mut().enumerate() {
-        // Lines between the two have slopes between theirs: at most this much wider for each unit apart.
-        let wider = (a.depth + bounds.depth[l]).sqrt();
-        let meets = |axis: usize| {
-            let width = (own[axis] + bounds.most[axis][l]).sqrt();
-            let window = 0.5 * side[axis] * (a.nearness[axis] + bounds.most[2 + axis][l]);
-            bounds.gap(axis, l, a.slope[axis]) * (1.0 - wider) <= 1.001 * (window + width)
-        };
-        *reached = u32::from(meets(0) & meets(1) & (bounds.z[l] > 0.0)) << l;
+    let (x, y) = (meets::<0>(bounds, &a.ideal, side), meets::<1>(bounds, &a.ideal, side));
+    let mut reached = 0;
+    for l in 0..LANES {
+        reached |= (x[l] & y[l] & u32::from(bounds.z[l] > 0.0)) << l;
     }
-    reached.iter().fold(0, |all, bit| all | bit)
+    reached
+}
+
+/// Whether some line between `a` and a group may pass through the specular element, as far as one axis tells.
+///
+/// Lines have slopes between those of the two. Along them the two are together at most as wide as along one
+/// end of that range, and a root of their depths more for each unit of slope from there. Either end
+/// gives a bound: that of what is farther away is tight, for what is near moves a line less.
+#[inline(always)]
+fn meets<const AXIS: usize>(bounds: &Bounds, a: &Extent, side: [f32; 2]) -> [u32; LANES] {
+    let (p, near, half) = (a.slope[AXIS], a.nearness[AXIS], 0.5 * side[AXIS]);
+    let [a0, a1] = a.spread[AXIS];
+    let own = a.spread_along(AXIS, p);
+    let of = &bounds.ideal[AXIS];
+    let (low, high) = (&bounds.low[AXIS], &bounds.high[AXIS]);
+    let mut meets = [0; LANES];
+    for l in 0..LANES {
+        let gap = (low[l] + p).max(-p - high[l]);
+        let window = half * (near + of.nearest[l]);
+        let deep = (a.depth + bounds.depth[l]).sqrt();
+        let along_a =
+            own + of.square[l] + 2.0 * (p * of.least[l]).max(p * of.most[l]) + p * p * bounds.depth[l];
+        let at = |q: f32| q * (q * a.depth + 2.0 * a1);
+        let along_k = a0 + at(low[l]).max(at(high[l])) + of.own[l];
+        let (apart_a, apart_k) = (near / (near + of.farthest[l]), of.nearest[l] / (near + of.nearest[l]));
+        let misses_a = gap * (1.0 - deep * apart_a) > 1.001 * (window + along_a.max(0.0).sqrt());
+        let misses_k = gap * (1.0 - deep * apart_k) > 1.001 * (window + along_k.max(0.0).sqrt());
+        meets[l] = u32::from(!((gap > 0.0) & (misses_a | misses_k)));
+    }
+    meets
+}
+
+/// Where lines between two elements cross the plane of the specular one, along an axis; all in slopes.
+struct Crossing {
+    /// Sum of the slopes.
+    sum: Lanes,
+    /// Sum of the nearnesses.
+    near: Lanes,
+    /// Half the square of the width of both along the line between them, times the square of `near`.
+    square: Lanes,
+    /// 1 where such a line may pass through the specular element.
+    meets: [u32; LANES],
+}
+
+impl Crossing {
+    #[inline(always)]
+    fn new<const AXIS: usize>(a: &Extent, group: &Extents, side: [f32; 2]) -> Self {
+        let (p, own, half) = (a.slope[AXIS], a.nearness[AXIS], 0.5 * side[AXIS]);
+        let [a0, a1] = a.spread[AXIS];
+        let (slope, nearness) = (&group.slope[AXIS], &group.nearness[AXIS]);
+        let [k0, k1] = &group.spread[AXIS];
+        let mut c =
+            Crossing { sum: [0.0; LANES], near: [0.0; LANES], square: [0.0; LANES], meets: [0; LANES] };
+        for l in 0..LANES {
+            let near = own + nearness[l];
+            let sum = p + slope[l];
+            // The slope of the line between the two, towards the group, times `near`.
+            let line = slope[l] * own - p * nearness[l];
+            let least = LEAST_SPREAD * near * near;
+            let square = (a0 + k0[l]) * near * near
+                + line * (line * (a.depth + group.depth[l]) + 2.0 * near * (a1 - k1[l]));
+            let square = if square > least { square } else { least };
+            let beyond = (sum.abs() - half * near) * near;
+            c.sum[l] = sum;
+            c.near[l] = near;
+            c.square[l] = square;
+            c.meets[l] = u32::from((beyond <= 0.0) | (beyond * beyond < square));
+        }
+        c
+    }
+
+    /// (Share of the lines that pass through the specular element, its half side).
+    #[inline(always)]
+    fn share(&self, side: f32) -> (Lanes, Lanes) {
+        let (mut share, mut window) = ([0.0; LANES], [0.0; LANES]);
+        for l in 0..LANES {
+            let sharp = self.near[l] / self.square[l].sqrt();
+            let half = 0.5 * side * self.near[l];
+            share[l] = beyond((half + self.sum[l]) * sharp) + beyond((half - self.sum[l]) * sharp);
+            window[l] = half;
+        }
+        (share, window)
+    }
 }
 
 /// The lobe between `a` and a group: (B, cosine of the angle of incidence).
 #[inline(always)]
 pub fn between(a: &Direction, z: &Lanes, group: &Extents, origin: &Origin) -> Option<(Lanes, Lanes)> {
-    let mut share = [1.0; LANES];
-    let mut windows = [4.0; LANES];
-    for axis in 0..2 {
-        let from = &a.ideal;
-        for l in 0..LANES {
-            let (p, q) = (from.slope[axis], group.slope[axis][l]);
-            let (near, far) = (from.nearness[axis], group.nearness[axis][l]);
-            let window = 0.5 * origin.side[axis] * (near + far);
-            // The slope of the line between the two, towards the group.
-            let line = (q * near - p * far) / (near + far);
-            let a_b = group.spread[axis];
-            let spread = from.spread[axis][0]
-                + a_b[0][l]
-                + line * (line * (from.depth + group.depth[l]) + 2.0 * (from.spread[axis][1] - a_b[1][l]));
-            let sharp = 1.0 / spread.max(LEAST_SPREAD).sqrt();
-            share[l] *= beyond((window + p + q) * sharp) + beyond((window - p - q) * sharp);
-            windows[l] *= window;
-        }
-    }
+    let x = Crossing::new::<0>(&a.ideal, group, origin.side);
+    let y = Crossing::new::<1>(&a.ideal, group, origin.side);
     let az = a.to[2];
     let mut inside = [0u32; LANES];
     for l in 0..LANES {
-        inside[l] = u32::from((share[l] > 0.0) & (z[l] > 0.0));
+        inside[l] = x.meets[l] & y.meets[l] & u32::from(z[l] > 0.0);
     }
     if inside.iter().sum::<u32>() == 0 || az <= 0.0 {
         return None;
     }
+    let ((share_x, window_x), (share_y, window_y)) = (x.share(origin.side[0]), y.share(origin.side[1]));
     let mut b = [0.0; LANES];
     let mut cosine = [0.0; LANES];
     for l in 0..LANES {
         let both = az * z[l];
-        let value = share[l] / (windows[l] * both * both);
+        let value = share_x[l] * share_y[l] / (4.0 * window_x[l] * window_y[l] * both * both);
         b[l] = if inside[l] != 0 { value } else { 0.0 };
         cosine[l] = 0.5 * (az + z[l]);
     }
     if origin.straight {
+        let own = a.ideal.nearness[0];
+        let [ax, ay] = a.ideal.slope;
+        let [tx, ty, tz] = a.ideal.tilt;
+        let ([gx, gy], [ux, uy, uz], nearness) = (&group.slope, &group.tilt, &group.nearness[0]);
         for l in 0..LANES {
             // The line from k to the image of l, times both nearnesses.
-            let (own, other) = (a.ideal.nearness[0], group.nearness[0][l]);
-            let v = [0, 1].map(|axis| group.slope[axis][l] * own - a.ideal.slope[axis] * other);
-            let v3 = own + other;
-            let v2 = v[0] * v[0] + v[1] * v[1] + v3 * v3;
-            let t = &a.ideal.tilt;
-            let from = t[0] * v[0] + t[1] * v[1] - t[2] * v3;
-            let t = group.tilt.map(|t| t[l]);
-            let to = -t[0] * v[0] - t[1] * v[1] - t[2] * v3;
-            let correction = from * to * v3 * v3 / (v2 * v2 * az * z[l]);
-            let sane = from > 0.0 && to > 0.0;
-            b[l] *= if sane { correction.clamp(CORRECTION.0, CORRECTION.1) } else { CORRECTION.0 };
-            cosine[l] = v3 / v2.sqrt();
+            let other = nearness[l];
+            let (v1, v2, v3) = (gx[l] * own - ax * other, gy[l] * own - ay * other, own + other);
+            let square = v1 * v1 + v2 * v2 + v3 * v3;
+            let from = tx * v1 + ty * v2 - tz * v3;
+            let to = -ux[l] * v1 - uy[l] * v2 - uz[l] * v3;
+            let correction = from * to * v3 * v3 / (square * square * az * z[l]);
+            let correction = if correction > CORRECTION.0 { correction } else { CORRECTION.0 };
+            let correction = if correction < CORRECTION.1 { correction } else { CORRECTION.1 };
+            let sane = (from > 0.0) & (to > 0.0);
+            b[l] *= if sane { correction } else { CORRECTION.0 };
+            cosine[l] = v3 / square.sqrt();
         }
     }
     Some((b, cosine))
@@ -200,6 +262,7 @@ pub fn between(a: &Direction, z: &Lanes, group: &Extents, origin: &Origin) -> Op
 /// How much of a tent of half-width 1 about `t` lies above 0, less a half: from -1/2 to 1/2.
 #[inline(always)]
 fn beyond(t: f32) -> f32 {
-    let t = t.clamp(-1.0, 1.0);
+    let t = if t > -1.0 { t } else { -1.0 };
+    let t = if t < 1.0 { t } else { 1.0 };
     t - 0.5 * t * t.abs()
 }
