@@ -8,12 +8,14 @@
 //! the mirror says, and energy is neither created nor lost. Reciprocity holds, since B stays symmetric.
 
 use super::directions::{Directions, LANES};
-use super::normalise::sums;
+use super::normalise::Rows;
 use crate::points::NO_POINT;
 use rayon::prelude::*;
 
 /// Rounds of balancing.
 const ROUNDS: usize = 3;
+/// Groups of lanes kept for all lobes together at most (300 MB); rows beyond are recomputed in each round.
+const KEPT: usize = 8 << 20;
 
 /// The lobe of one specular element.
 pub struct Element {
@@ -43,11 +45,20 @@ pub fn balance(elements: &mut [Element], points: usize) -> (f64, f64) {
         group.iter().all(|&s| !open(&elements[s]) && !open(&elements[elements[s].other]))
     };
     let closed: Vec<bool> = members.iter().map(closed).collect();
+    let rows: Vec<Rows> = (elements.par_iter())
+        .map(|e| {
+            let most = if closed[e.group] { KEPT / elements.len() } else { 0 };
+            Rows::new(&e.directions, &elements[e.other].directions, most)
+        })
+        .collect();
     let mut error = (0.0, 0.0);
     for round in 0..ROUNDS {
         let wanted = |e: &Element| round == 0 || closed[e.group];
-        let sums: Vec<Vec<f32>> = (elements.par_iter())
-            .map(|e| if wanted(e) { sums(&e.directions, &elements[e.other].directions) } else { Vec::new() })
+        let sums: Vec<Vec<f32>> = (elements.par_iter().zip(&rows))
+            .map(|(e, rows)| {
+                let sums = || rows.sums(&e.directions, &elements[e.other].directions);
+                if wanted(e) { sums() } else { Vec::new() }
+            })
             .collect();
         let (mut deviation, mut weight, mut largest) = (0.0, 0.0, 0.0f64);
         for (group, closed) in

@@ -13,6 +13,10 @@ use std::f32::consts::PI;
 /// Openings stand this many sides of the specular element away.
 const FAR: f32 = 100.0;
 
+/// Elements so deep, for how near the plane they stand, are seen under widely different slopes from one end of the specular
+/// element to the other. Among themselves, they do not keep the groups of others from being passed over.
+const DEEP: f32 = 0.2;
+
 /// A sample point that a specular point sees, or an opening of the scene.
 pub struct Member {
     /// The point, or [`NO_POINT`] for an opening.
@@ -130,11 +134,13 @@ pub fn members(
         members.push(Member { point: j as u32, q_in, q_out, distance: r2.sqrt(), direction });
     }
     add_openings(points, i, &frame, &mut members);
-    members.sort_by_key(|m| !linked(m.point));
-    let first = members.partition_point(|m| linked(m.point));
-    strip_order(&mut members[..first], |m| m.direction.to);
-    strip_order(&mut members[first..], |m| m.direction.to);
-    (members, first)
+    let kind = |m: &Member| (!linked(m.point), m.direction.ideal.depth > DEEP);
+    members.sort_by_key(kind);
+    for alike in members.chunk_by_mut(|a, b| kind(a) == kind(b)) {
+        strip_order(alike, |m| m.direction.to);
+    }
+    let linked = members.partition_point(|m| linked(m.point));
+    (members, linked)
 }
 
 /// Adds the openings of the hemisphere of `i`.

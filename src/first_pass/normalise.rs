@@ -16,80 +16,85 @@ const KEPT: usize = 2 << 20;
 /// Group of lanes and B there, where it is not 0.
 type Entry = (u32, Lanes);
 
-/// B between two sets of directions, by rows.
-struct Lobes<'a> {
-    from: &'a Directions,
-    to: &'a Directions,
-    /// The first rows, one after the other, and where each ends.
+/// B between two sets of directions, by rows, as far as it is kept. It does not depend on weights and scales.
+pub struct Rows {
+    /// The first rows, one after the other.
     kept: Vec<Entry>,
+    /// Where each ends.
     ends: Vec<usize>,
 }
 
-impl<'a> Lobes<'a> {
-    fn new(from: &'a Directions, to: &'a Directions) -> Self {
-        wide(Keep(Lobes { from, to, kept: Vec::new(), ends: Vec::new() }))
+impl Rows {
+    /// Computes rows until about `most` entries are kept.
+    pub fn new(from: &Directions, to: &Directions, most: usize) -> Self {
+        wide(Keep { from, to, most })
     }
 
-    /// Appends B(l, ·) to `row`.
-    #[inline(always)]
-    fn append(&self, l: usize, row: &mut Vec<Entry>) {
-        let a = self.from.get(l);
-        if a.to[2] > 0.0 {
-            for g in self.to.reach(a, 0..self.to.groups()) {
-                if let Some((b, _)) = self.to.lobe(&a, g) {
-                    row.push((g as u32, b));
-                }
+    /// Σ_k B(l, k) q_k u_k over the members of `to`, for every member l of `from`.
+    pub fn sums(&self, from: &Directions, to: &Directions) -> Vec<f32> {
+        wide(Sums { rows: self, from, to, x: &weighted(to) })
+    }
+}
+
+/// Appends B(l, ·) to `row`.
+#[inline(always)]
+fn append(from: &Directions, to: &Directions, l: usize, row: &mut Vec<Entry>) {
+    let a = from.get(l);
+    if a.to[2] > 0.0 {
+        for g in to.reach(a, 0..to.groups()) {
+            if let Some((b, _)) = to.lobe(&a, g) {
+                row.push((g as u32, b));
             }
         }
     }
-
-    /// Σ_k B(l, k) x_k for every l.
-    fn times(&self, x: &[Lanes]) -> Vec<f32> {
-        wide(Times { lobes: self, x })
-    }
 }
 
-/// Computes the rows that are kept.
-struct Keep<'a>(Lobes<'a>);
+/// [`Rows::new`].
+struct Keep<'a> {
+    from: &'a Directions,
+    to: &'a Directions,
+    most: usize,
+}
 
-impl<'a> HotLoop for Keep<'a> {
-    type Output = Lobes<'a>;
+impl HotLoop for Keep<'_> {
+    type Output = Rows;
 
     #[inline(always)]
-    fn run(self) -> Lobes<'a> {
-        let Keep(mut lobes) = self;
+    fn run(self) -> Rows {
         let (mut kept, mut ends) = (Vec::new(), Vec::new());
-        while kept.len() < KEPT && ends.len() < lobes.from.len {
-            lobes.append(ends.len(), &mut kept);
+        while kept.len() < self.most && ends.len() < self.from.len {
+            append(self.from, self.to, ends.len(), &mut kept);
             ends.push(kept.len());
         }
-        (lobes.kept, lobes.ends) = (kept, ends);
-        lobes
+        Rows { kept, ends }
     }
 }
 
-/// [`Lobes::times`].
-struct Times<'a> {
-    lobes: &'a Lobes<'a>,
+/// [`Rows::sums`].
+struct Sums<'a> {
+    rows: &'a Rows,
+    from: &'a Directions,
+    to: &'a Directions,
+    /// q u of every member of `to`.
     x: &'a [Lanes],
 }
 
-impl HotLoop for Times<'_> {
+impl HotLoop for Sums<'_> {
     type Output = Vec<f32>;
 
     #[inline(always)]
     fn run(self) -> Vec<f32> {
-        let Times { lobes, x } = self;
-        let mut sums = Vec::with_capacity(lobes.from.len);
+        let Sums { rows, from, to, x } = self;
+        let mut sums = Vec::with_capacity(from.len);
         let mut start = 0;
-        for &end in &lobes.ends {
-            sums.push(dot(&lobes.kept[start..end], x));
+        for &end in &rows.ends {
+            sums.push(dot(&rows.kept[start..end], x));
             start = end;
         }
         let mut row = Vec::new();
-        for l in lobes.ends.len()..lobes.from.len {
+        for l in rows.ends.len()..from.len {
             row.clear();
-            lobes.append(l, &mut row);
+            append(from, to, l, &mut row);
             sums.push(dot(&row, x));
         }
         sums
@@ -145,11 +150,10 @@ fn step(directions: &mut Directions, sums: &[f32], albedo: impl Fn(f32) -> f32, 
 /// Scales the reflection lobe of one point to the directional `albedo`. Returns the (mean, largest)
 /// relative deviation left.
 pub fn normalise_reflection(directions: &mut Directions, albedo: &AlbedoTable) -> (f64, f64) {
-    let unscaled = directions.clone();
-    let lobes = Lobes::new(&unscaled, &unscaled);
+    let rows = Rows::new(directions, directions, KEPT);
     let mut error = (0.0, 0.0);
     for _ in 0..ROUNDS {
-        let sums = lobes.times(&weighted(directions));
+        let sums = rows.sums(directions, directions);
         let before = directions.scale.clone();
         error = step(directions, &sums, |z| albedo.eval(z), true);
         if error.1 < GOOD {
@@ -171,20 +175,14 @@ pub fn normalise_transmission(front: &mut Directions, back: &mut Directions) -> 
         back.gain = ratio;
         back.weight.iter_mut().flatten().for_each(|w| *w *= ratio);
     }
-    let (a, b) = (front.clone(), back.clone());
-    let (forth, backwards) = (Lobes::new(&a, &b), Lobes::new(&b, &a));
+    let (forth, backwards) = (Rows::new(front, back, KEPT), Rows::new(back, front, KEPT));
     let mut error = (0.0, 0.0);
     for _ in 0..ROUNDS {
-        error = step(front, &forth.times(&weighted(back)), |_| 1.0, false);
-        step(back, &backwards.times(&weighted(front)), |_| 1.0, false);
+        error = step(front, &forth.sums(front, back), |_| 1.0, false);
+        step(back, &backwards.sums(back, front), |_| 1.0, false);
         if error.1 < GOOD {
             break;
         }
     }
     error
-}
-
-/// Σ_k B(l, k) q_k u_k over the members of `to`, for every member l of `from`.
-pub fn sums(from: &Directions, to: &Directions) -> Vec<f32> {
-    Lobes { from, to, kept: Vec::new(), ends: Vec::new() }.times(&weighted(to))
 }
