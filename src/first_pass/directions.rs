@@ -35,7 +35,7 @@ pub struct Origin {
 }
 
 /// Directions of what a point sees on one side of its surface, in structure of arrays. Neighbours in
-/// the list should be neighbours in direction ([`strip_order`]), so that groups can be passed over whole.
+/// the list should be neighbours in direction ([`tile_order`]), so that groups can be passed over whole.
 #[derive(Clone, Debug, Default)]
 pub struct Directions {
     /// What sees them.
@@ -61,6 +61,8 @@ pub struct Directions {
     pub len: usize,
     /// What holds for all directions of a group, [`LANES`] groups side by side.
     bounds: Vec<Bounds>,
+    /// The same of blocks of [`LANES`] groups.
+    blocks: Vec<Bounds>,
 }
 
 /// What holds for all directions of each of [`LANES`] groups.
@@ -152,14 +154,16 @@ impl Bounds {
 
 /// The groups that a lobe may reach, ascending.
 pub struct Reach<'a> {
-    bounds: &'a [Bounds],
-    origin: &'a Origin,
+    directions: &'a Directions,
     a: Direction,
-    /// The bounds looked at, and the bits of them that are left.
+    /// The next bounds of blocks to look at.
     next: usize,
-    left: u32,
-    /// The first group that is not asked for.
-    end: usize,
+    /// The bits of the blocks left, and of the groups left of the current block.
+    blocks: u32,
+    groups: u32,
+    block: usize,
+    /// The groups asked for.
+    range: Range<usize>,
 }
 
 impl Iterator for Reach<'_> {
@@ -167,23 +171,54 @@ impl Iterator for Reach<'_> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<usize> {
-        while self.left == 0 {
-            self.left = self.bounds.get(self.next)?.reached(&self.a, self.origin);
-            self.next += 1;
+        let Directions { origin, blocks, bounds, .. } = self.directions;
+        while self.groups == 0 {
+            while self.blocks == 0 {
+                self.blocks = blocks.get(self.next)?.reached(&self.a, origin);
+                self.next += 1;
+            }
+            self.block = (self.next - 1) * LANES + self.blocks.trailing_zeros() as usize;
+            self.blocks &= self.blocks - 1;
+            let first = self.range.start.saturating_sub(self.block * LANES);
+            if first < LANES {
+                self.groups = bounds.get(self.block)?.reached(&self.a, origin) & (u32::MAX << first);
+            }
         }
-        let lane = self.left.trailing_zeros() as usize;
-        self.left &= self.left - 1;
-        let group = (self.next - 1) * LANES + lane;
-        (group < self.end).then_some(group)
+        let group = self.block * LANES + self.groups.trailing_zeros() as usize;
+        self.groups &= self.groups - 1;
+        (group < self.range.end).then_some(group)
     }
 }
 
-/// Sorts anything that has a direction into strips of x and by y within a strip, so that groups of
-/// [`LANES`] are compact.
+/// [`tile_order`] of a whole list.
 pub fn strip_order<T>(list: &mut [T], to: impl Fn(&T) -> [f32; 3]) {
-    let strips = (list.len() as f32 / LANES as f32).sqrt().ceil();
-    let strip = |t: &T| ((to(t)[0] + 1.0) * 0.5 * strips).floor();
-    list.sort_by(|a, b| strip(a).total_cmp(&strip(b)).then(to(a)[1].total_cmp(&to(b)[1])));
+    tile_order(list, 0, to);
+}
+
+/// Sorts anything that has a direction so that groups of [`LANES`] are compact, and so are blocks of
+/// [`LANES`] groups. `offset` is the number of directions that stand before.
+pub fn tile_order<T>(list: &mut [T], offset: usize, to: impl Fn(&T) -> [f32; 3]) {
+    const BLOCK: usize = LANES * LANES;
+    let head = tile(list, offset, BLOCK, &to);
+    let (head, rest) = list.split_at_mut(head);
+    tile(head, offset, LANES, &to);
+    for block in rest.chunks_mut(BLOCK) {
+        tile(block, 0, LANES, &to);
+    }
+}
+
+/// Sorts into strips of x and by y within a strip, tiles of `size` directions. Returns how many fill up
+/// the tile that those before began.
+fn tile<T>(list: &mut [T], offset: usize, size: usize, to: impl Fn(&T) -> [f32; 3]) -> usize {
+    list.sort_by(|a, b| to(a)[0].total_cmp(&to(b)[0]));
+    let head = (offset.next_multiple_of(size) - offset).min(list.len());
+    let rest = &mut list[head..];
+    let strips = (rest.len() as f32 / size as f32).sqrt().ceil().max(1.0) as usize;
+    let strip = rest.len().div_ceil(strips).next_multiple_of(size).max(size);
+    for strip in rest.chunks_mut(strip) {
+        strip.sort_by(|a, b| to(a)[1].total_cmp(&to(b)[1]));
+    }
+    head
 }
 
 impl Directions {
@@ -202,12 +237,14 @@ impl Directions {
             } else {
                 d.rough.push(lobe::Extents::new(group));
             }
-            if g % LANES == 0 {
-                d.bounds.push(Bounds::NONE);
+            for (bounds, at) in [(&mut d.bounds, g), (&mut d.blocks, g / LANES)] {
+                if at / LANES == bounds.len() {
+                    bounds.push(Bounds::NONE);
+                }
+                let bounds = &mut bounds[at / LANES];
+                let shown = group.iter().filter(|direction| direction.to[2] > 0.0);
+                shown.for_each(|direction| bounds.include(at % LANES, direction, ideal));
             }
-            let bounds = &mut d.bounds[g / LANES];
-            let shown = group.iter().filter(|direction| direction.to[2] > 0.0);
-            shown.for_each(|direction| bounds.include(g % LANES, direction, ideal));
         }
         d
     }
@@ -232,13 +269,8 @@ impl Directions {
     /// The groups of lanes within `range` that the lobe of `a` may reach, ascending.
     #[inline(always)]
     pub fn reach(&self, a: Direction, range: Range<usize>) -> Reach<'_> {
-        let (origin, end) = (&self.origin, range.end);
-        let mut reach = Reach { bounds: &self.bounds, origin, a, next: range.start / LANES, left: 0, end };
-        if let Some(bounds) = self.bounds.get(reach.next) {
-            reach.left = bounds.reached(&a, origin) & (u32::MAX << (range.start % LANES));
-            reach.next += 1;
-        }
-        reach
+        let next = range.start / (LANES * LANES);
+        Reach { directions: self, a, next, blocks: 0, groups: 0, block: 0, range }
     }
 
     /// Number of groups.

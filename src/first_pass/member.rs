@@ -1,6 +1,6 @@
 //! What a specular point sees, as directions in the frame of its element.
 
-use super::directions::{Direction, Directions, Origin, strip_order};
+use super::directions::{Direction, Directions, Origin, tile_order};
 use super::form_factor::{plane_distances, projected_solid_angle};
 use super::openings::openings;
 use super::settings::Kernel;
@@ -136,8 +136,10 @@ pub fn members(
     add_openings(points, i, &frame, &mut members);
     let kind = |m: &Member| (!linked(m.point), m.direction.ideal.depth > DEEP);
     members.sort_by_key(kind);
+    let mut before = 0;
     for alike in members.chunk_by_mut(|a, b| kind(a) == kind(b)) {
-        strip_order(alike, |m| m.direction.to);
+        tile_order(alike, before, |m| m.direction.to);
+        before += alike.len();
     }
     let linked = members.partition_point(|m| linked(m.point));
     (members, linked)
