@@ -85,11 +85,11 @@ pub struct Bounds {
 /// What holds for the [`ideal::Extent`]s of each of [`LANES`] groups along an axis.
 #[derive(Clone, Copy, Debug)]
 pub struct IdealBounds {
-    /// Largest a of the spread, smallest and largest b.
+    /// Largest a of the spread.
     pub square: Lanes,
-    /// Smallest b.
+    /// Smallest b of the spread.
     pub least: Lanes,
-    /// Largest b.
+    /// Largest b of the spread.
     pub most: Lanes,
     /// Largest spread of an element along its own direction.
     pub own: Lanes,

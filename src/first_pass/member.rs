@@ -13,8 +13,8 @@ use std::f32::consts::PI;
 /// Openings stand this many sides of the specular element away.
 const FAR: f32 = 100.0;
 
-/// Elements so deep, for how near the plane they stand, are seen under widely different slopes from one end of the specular
-/// element to the other. Among themselves, they do not keep the groups of others from being passed over.
+/// Elements of a larger depth (they stand near the plane and rise from it) are reached under widely different
+/// slopes. They are put in groups of their own, or no group with one of them could be passed over.
 const DEEP: f32 = 0.2;
 
 /// A sample point that a specular point sees, or an opening of the scene.
