@@ -4,6 +4,7 @@ use super::args::Validate;
 use super::progress::Bars;
 use super::run::{check_outputs, tracer_choice};
 use luxgraph::error::{Error, Result};
+use luxgraph::report::wavelength_table::WavelengthTable;
 use luxgraph::report::{Machine, write_json};
 use luxgraph::tracers::embree;
 use luxgraph::validate::{self, Case, Group, Tolerance};
@@ -19,6 +20,7 @@ struct Report {
     passed: usize,
     wall_s: f64,
     groups: Vec<Group>,
+    wavelength_table: WavelengthTable,
 }
 
 /// Runs all checks, prints them in groups, and fails where one fails.
@@ -35,11 +37,16 @@ pub fn run(args: &Validate) -> Result<()> {
     let cases = groups.iter().map(|g| g.cases.len()).sum();
     let passed = groups.iter().map(Group::passed).sum();
     let wall_s = groups.iter().map(|g| g.wall_s).sum();
+    let wavelength_table = WavelengthTable::measure()?;
+    println!("\nThe choice of wavelengths, for comparison: {wavelength_table}");
     println!("\ntracer {tracer}, {wall_s:.1} s");
     println!("{passed} of {cases} pass");
     if let Some(path) = &args.report {
         let (luxgraph, machine) = (env!("CARGO_PKG_VERSION"), Machine::this());
-        write_json(path, &Report { luxgraph, machine, tracer, cases, passed, wall_s, groups })?;
+        write_json(
+            path,
+            &Report { luxgraph, machine, tracer, cases, passed, wall_s, groups, wavelength_table },
+        )?;
     }
     if passed == cases {
         return Ok(());

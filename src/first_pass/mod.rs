@@ -100,7 +100,7 @@ pub fn solve(
     let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
     let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
     let emitted = system.emitted();
-    refuse_negative(&mut radiance, &system, settings)?;
+    refuse_endless(&mut radiance, &system, settings)?;
 
     // What only the report asks for is not part of the solution's time.
     let solve_s = clock.elapsed().as_secs_f64();
@@ -232,16 +232,22 @@ fn check_material(material: &SampledMaterial, w: usize) -> Result<()> {
     Ok(())
 }
 
-/// A system that gains energy has a solution, but not a positive one (Perron and Frobenius): refuses
-/// it. Negative radiance within the tolerance is rounding and becomes 0.
-fn refuse_negative(radiance: &mut [f32], system: &System, settings: &FirstPassSettings) -> Result<()> {
+/// More flux than this times what is emitted says more of rounding than of the scene: an error of 1e-6 in
+/// the form factors, which `f32` sums may have, is then a tenth of the answer.
+const MOST_GAIN: f64 = 1e5;
+
+/// A system that gains energy has a solution, but not a positive one (Perron and Frobenius), and one that
+/// neither gains nor loses any has none: refuses both. Negative radiance within the tolerance is rounding
+/// and becomes 0.
+fn refuse_endless(radiance: &mut [f32], system: &System, settings: &FirstPassSettings) -> Result<()> {
     let n = system.points.len().max(1);
     let negative: Vec<f32> = radiance.iter().map(|l| l.min(0.0)).collect();
     let emitted = system.emitted();
     let whole = system.flux(radiance);
     for (k, negative) in system.flux(&negative).into_iter().enumerate() {
-        if !whole[k].is_finite() || negative > (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k])
-        {
+        let rounding = (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k]);
+        let endless = whole[k] > MOST_GAIN * emitted[k];
+        if !whole[k].is_finite() || endless || negative > rounding {
             return Err(shooting::diverged());
         }
         radiance[k * n..(k + 1) * n].iter_mut().for_each(|l| *l = l.max(0.0));

@@ -170,38 +170,21 @@ impl Receivers<'_> {
         let mut row = Row::default();
         let mut met: Vec<usize> = Vec::new();
         let mut q = Vec::new();
-        for (b, tile) in tiles.iter().enumerate() {
-            let start = points.voxel(b).start;
+        // What is wholly hidden counts only for patches of which something is seen.
+        let (hidden, open): (Vec<usize>, Vec<usize>) =
+            (0..tiles.len()).partition(|&b| matches!(tiles[b], Tile::Hidden));
+        for (b, hidden) in open.into_iter().map(|b| (b, false)).chain(hidden.into_iter().map(|b| (b, true))) {
+            let counts = |run: &Run, sums: &[Sum]| !hidden || sums[run.patch].seen > 0.0;
+            if !self.patches.runs[b].iter().any(|run| counts(run, sums)) {
+                continue;
+            }
             q.clear();
             wide(Facing { operator: self.operator, i, b, q: &mut q });
             for run in &self.patches.runs[b] {
-                let mut sum = Sum::default();
-                for j in run.points.clone() {
-                    let c = j - start;
-                    let plain = q[c / LANES][c % LANES];
-                    if plain <= 0.0 {
-                        continue;
-                    }
-                    let visible = tile.get(r, c);
-                    let extent = self.patches.extent2[j];
-                    let r2 = points.position[i].distance_squared(points.position[j]);
-                    let mut q = f64::from(plain);
-                    if extent > NEAR * r2 {
-                        q = exact(points.position[i], points.normal[i], &points.corners[j]);
-                        if visible {
-                            row.entries.push((j as u32, (q - f64::from(plain)) as f32));
-                        }
-                    } else {
-                        sum.doubt += plain * extent / r2;
-                    }
-                    sum.all += q;
-                    if visible {
-                        sum.seen += q;
-                        if q as f32 > sum.best.1 {
-                            sum.best = (j as u32, q as f32);
-                        }
-                    }
+                if !counts(run, sums) {
+                    continue;
                 }
+                let sum = self.sum(i, r, (b, &tiles[b], run), &q, &mut row.entries);
                 if sum.all > 0.0 {
                     let whole = &mut sums[run.patch];
                     if whole.all == 0.0 {
@@ -229,6 +212,48 @@ impl Receivers<'_> {
             }
         }
         row
+    }
+
+    /// What receiver `i`, row `r` of `tile`, knows of a run in voxel `b`, given the plain factors `q`. Near
+    /// elements that it sees are added to `entries`.
+    fn sum(
+        &self,
+        i: usize,
+        r: usize,
+        (b, tile, run): (usize, &Tile, &Run),
+        q: &[Lanes],
+        entries: &mut Vec<(u32, f32)>,
+    ) -> Sum {
+        let points = self.operator.points;
+        let start = points.voxel(b).start;
+        let mut sum = Sum::default();
+        for j in run.points.clone() {
+            let c = j - start;
+            let plain = q[c / LANES][c % LANES];
+            if plain <= 0.0 {
+                continue;
+            }
+            let visible = tile.get(r, c);
+            let extent = self.patches.extent2[j];
+            let r2 = points.position[i].distance_squared(points.position[j]);
+            let mut q = f64::from(plain);
+            if extent > NEAR * r2 {
+                q = exact(points.position[i], points.normal[i], &points.corners[j]);
+                if visible {
+                    entries.push((j as u32, (q - f64::from(plain)) as f32));
+                }
+            } else {
+                sum.doubt += plain * extent / r2;
+            }
+            sum.all += q;
+            if visible {
+                sum.seen += q;
+                if q as f32 > sum.best.1 {
+                    sum.best = (j as u32, q as f32);
+                }
+            }
+        }
+        sum
     }
 }
 
