@@ -10,7 +10,7 @@ fn main() -> ExitCode {
     match cli::run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("luxgraph: {error}");
+            cli::say::tell!("luxgraph: {error}");
             ExitCode::from(if error.is_input() { 2 } else { 1 })
         }
     }

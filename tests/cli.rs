@@ -190,3 +190,22 @@ fn measure_writes_a_table_and_a_report() {
     let error = fail(2, &["measure", text(&blind)]);
     assert!(error.contains("[[sensors]]"), "{error}");
 }
+
+#[test]
+fn a_reader_that_leaves_early_does_no_harm() {
+    use std::process::Stdio;
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("cross.json");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_luxgraph"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["crosscheck", "scenes/paper_room.toml", "--rays", "1000", "--report", text(&report)])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !error.contains("panicked"), "{error}");
+    assert!(report.exists(), "what was asked for is written all the same");
+}

@@ -3,6 +3,7 @@
 use super::args::TracerArg;
 use super::progress::Bars;
 use super::run::{counts, prepare, tracer_choice};
+use super::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::paper_tables::{
     PAPER, PaperTables, SideBySide, duration, group, specular_points, time_visibility_calls,
@@ -82,11 +83,11 @@ pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()
         calls_with_graph: stats.pairs,
         calls_without_graph: all_calls,
     };
-    println!("\n{}", SideBySide(&ours));
+    say!("\n{}", SideBySide(&ours));
     let budget = n * n / 8;
     let memory = prepared.graph.memory_bytes();
-    println!("graph memory {} bytes, {:.2} of N²/8", group(memory), memory as f64 / budget.max(1) as f64);
-    println!(
+    say!("graph memory {} bytes, {:.2} of N²/8", group(memory), memory as f64 / budget.max(1) as f64);
+    say!(
         "pairs decided: same surface {}, not facing {}, proved {}, candidates {}, last blocker {}, ray {}",
         group(stats.same_surface),
         group(stats.not_facing),
@@ -98,21 +99,21 @@ pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()
     // The same graph the paper's way: what proofs leave open goes to the last blocker and to rays.
     let by_rays = GraphSettings { direct_candidates: 0, ..GraphSettings::default() };
     let by_rays = VisibilityGraph::build_with(geometry, points, tracer.as_ref(), &by_rays, &bars)?.stats;
-    println!(
+    say!(
         "with rays in place of the test of candidates: {} rays ({:.1} %), last blocker {}, {}",
         group(by_rays.rays_cast),
         100.0 * by_rays.ray_fraction(),
         group(by_rays.last_blocker),
         duration(by_rays.build_s)
     );
-    println!(
+    say!(
         "second pass 640 x 480, 16 samples a pixel: {}, {} rays",
         duration(second_pass.second_pass_s),
         group(second_pass.rays())
     );
-    println!("time without the graph: the calls were really made, {} rays", group(direct_rays + chain_rays));
+    say!("time without the graph: the calls were really made, {} rays", group(direct_rays + chain_rays));
     let machine = Machine::this();
-    println!("on {}, {} threads, tracer {}", machine.processor, machine.threads, tracer.name());
+    say!("on {}, {} threads, tracer {}", machine.processor, machine.threads, tracer.name());
     if let Some(path) = report {
         let report = Report {
             machine,

@@ -3,6 +3,7 @@
 use super::args::Crosscheck;
 use super::progress::Bars;
 use super::run::note;
+use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
 use luxgraph::report::write_json;
 use luxgraph::scene;
@@ -18,7 +19,7 @@ pub fn run(args: &Crosscheck) -> Result<()> {
     let embree = match embree::available() {
         Some(_) => Some(EmbreeTracer::new(&scene.geometry)?),
         None => {
-            eprintln!(
+            tell!(
                 "note: this build has no Embree; the voxel tracer is put beside the plain list of surfaces"
             );
             None
@@ -31,17 +32,17 @@ pub fn run(args: &Crosscheck) -> Result<()> {
     };
     let report =
         crosscheck::crosscheck(&scene.geometry, &[other, &voxel], args.rays, args.seed, &Bars::new());
-    print!("{report}");
+    say!("{}", report.to_string().trim_end());
     match &args.report {
         Some(path) => write_json(path, &report)?,
         None if report.not_shown() > 0 => {
-            println!("--report OUT.json writes all, each with the exact verdict")
+            say!("--report OUT.json writes all, each with the exact verdict")
         }
         None => {}
     }
     let unlisted = report.disagreements - report.listed.len() as u64;
     if unlisted > 0 {
-        eprintln!("note: {unlisted} disagreements beyond the first {MAX_LISTED} are counted but not listed");
+        tell!("note: {unlisted} disagreements beyond the first {MAX_LISTED} are counted but not listed");
     }
     match report.errors {
         0 => Ok(()),

@@ -1,6 +1,7 @@
 //! `luxgraph info`
 
 use super::args::Info;
+use super::say::say;
 use luxgraph::error::Result;
 use luxgraph::material::{Body, Material};
 use luxgraph::points::divide_by_area;
@@ -54,12 +55,12 @@ pub fn run(args: &Info) -> Result<()> {
         Build { luxgraph: env!("CARGO_PKG_VERSION"), embree: embree::available(), machine: Machine::this() };
     match &args.scene {
         None => {
-            println!("luxgraph {}", build.luxgraph);
+            say!("luxgraph {}", build.luxgraph);
             match &build.embree {
-                Some(version) => println!("ray tracers: embree {version} (default), voxel"),
-                None => println!("ray tracers: voxel (build with --features embree to add Intel Embree)"),
+                Some(version) => say!("ray tracers: embree {version} (default), voxel"),
+                None => say!("ray tracers: voxel (build with --features embree to add Intel Embree)"),
             }
-            println!("threads: {} on {}", build.machine.threads, build.machine.processor);
+            say!("threads: {} on {}", build.machine.threads, build.machine.processor);
             if let Some(path) = &args.report {
                 write_json(path, &build)?;
             }
@@ -138,30 +139,32 @@ fn contents(scene: &Scene) -> Contents {
 
 fn print_contents(contents: &Contents) {
     let [x, y, z] = contents.size_m;
-    println!(
+    say!(
         "{} surfaces ({} two-sided) of {} objects",
-        contents.surfaces, contents.two_sided_surfaces, contents.objects
+        contents.surfaces,
+        contents.two_sided_surfaces,
+        contents.objects
     );
-    println!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
-    println!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);
-    println!("cameras: {}", contents.cameras.join(", "));
+    say!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
+    say!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);
+    say!("cameras: {}", contents.cameras.join(", "));
     if !contents.point_lights.is_empty() {
-        println!("point lights: {}", contents.point_lights.join(", "));
+        say!("point lights: {}", contents.point_lights.join(", "));
     }
     if contents.sensors > 0 || !contents.grids.is_empty() {
         let grids = if contents.grids.is_empty() { "none".to_owned() } else { contents.grids.join(", ") };
-        println!("sensors: {}; grids of sensors: {grids}", contents.sensors);
+        say!("sensors: {}; grids of sensors: {grids}", contents.sensors);
     }
-    println!("{:<24} {:<16} {:>9} {:>9}", "material", "kind", "surfaces", "points");
+    say!("{:<24} {:<16} {:>9} {:>9}", "material", "kind", "surfaces", "points");
     for line in &contents.materials {
         let kind = if line.emits { format!("{}, emits", line.kind) } else { line.kind.to_owned() };
-        println!("{:<24} {kind:<16} {:>9} {:>9}", line.name, line.surfaces, line.points);
+        say!("{:<24} {kind:<16} {:>9} {:>9}", line.name, line.surfaces, line.points);
     }
-    println!("requires: {}", contents.requires.join(", "));
+    say!("requires: {}", contents.requires.join(", "));
     if !contents.left_out.is_empty() {
-        println!("left out, the scene has no use for it: {}", contents.left_out.join(", "));
+        say!("left out, the scene has no use for it: {}", contents.left_out.join(", "));
     }
     for note in &contents.notes {
-        println!("note: {note}");
+        say!("note: {note}");
     }
 }

@@ -3,6 +3,7 @@
 use super::args::Measure;
 use super::progress::Bars;
 use super::run::{check_outputs, counts, inputs, lighting_settings, prepare};
+use super::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::first_pass::FirstPassStats;
 use luxgraph::measure::{Illuminance, Reading, Row, write_csv};
@@ -101,7 +102,7 @@ pub fn run(args: &Measure) -> Result<()> {
     let clock = Instant::now();
     let readings = pipeline::measure(geometry, &prepared, &lit, &sensors, tracer, &settings.measure, &bars)?;
     let measure_s = clock.elapsed().as_secs_f64();
-    println!("{} sensors measured in {measure_s:.2} s", sensors.len());
+    say!("{} sensors measured in {measure_s:.2} s", sensors.len());
 
     let (appearance, solution) = &lit;
     let wavelengths = &appearance.wavelengths;
@@ -113,14 +114,14 @@ pub fn run(args: &Measure) -> Result<()> {
     print_grids(&grids);
     let notes = notes(&scene, wavelengths);
     for note in &notes {
-        println!("note: {note}");
+        say!("note: {note}");
     }
     if let Some(path) = &args.output {
         let rows: Vec<Row> = (sensors.iter().zip(&cells).zip(&readings))
             .map(|((sensor, &cell), reading)| Row { sensor, cell, reading })
             .collect();
         write_csv(path, &rows, wavelengths)?;
-        println!("wrote {}", path.display());
+        say!("wrote {}", path.display());
     }
     if let Some(path) = &options.report {
         let report = Report {
@@ -200,9 +201,9 @@ fn print_sensors(reports: &[SensorReport]) {
         return;
     }
     let width = reports.iter().map(|r| r.name.chars().count()).fold(6, usize::max);
-    println!("{:<width$} {:>10} {:>17} {:>8}", "sensor", "lx", "melanopic EDI lx", "direct");
+    say!("{:<width$} {:>10} {:>17} {:>8}", "sensor", "lx", "melanopic EDI lx", "direct");
     for r in reports {
-        println!(
+        say!(
             "{:<width$} {:>10.2} {:>17.2} {:>6.1} %",
             r.name,
             r.total.illuminance_lx,
@@ -217,12 +218,19 @@ fn print_grids(grids: &[GridReport]) {
         return;
     }
     let width = grids.iter().map(|g| g.name.chars().count()).fold(4, usize::max);
-    println!(
+    say!(
         "{:<width$} {:>9} {:>10} {:>10} {:>10} {:>9} {:>17} {:>8}",
-        "grid", "points", "min lx", "mean lx", "max lx", "min/mean", "mean EDI lx", "direct"
+        "grid",
+        "points",
+        "min lx",
+        "mean lx",
+        "max lx",
+        "min/mean",
+        "mean EDI lx",
+        "direct"
     );
     for g in grids {
-        println!(
+        say!(
             "{:<width$} {:>9} {:>10.2} {:>10.2} {:>10.2} {:>9.3} {:>17.2} {:>6.1} %",
             g.name,
             format!("{} x {}", g.counts[0], g.counts[1]),

@@ -9,6 +9,7 @@ mod progress;
 mod relight;
 mod render;
 mod run;
+pub mod say;
 mod validate;
 
 use args::{BenchWhat, Cli, Command};

@@ -3,6 +3,7 @@
 use super::args::Relight;
 use super::progress::Bars;
 use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
+use super::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::scene::{Scene, SceneDescription};
 use std::path::{Path, PathBuf};
@@ -46,7 +47,7 @@ pub fn run(args: &Relight) -> Result<()> {
     let bars = Bars::new();
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
     for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
-        println!("{}:", path.display());
+        say!("{}:", path.display());
         let scene = Scene { appearance, ..scene.clone() };
         let job = Job {
             scene: &scene,

@@ -1,6 +1,7 @@
 //! What `render` and `relight` share: options to settings, one lit appearance to files.
 
 use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SolverArg, TracerArg};
+use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
 use luxgraph::first_pass::{DiffuseSolution, Kernel, Solver};
 use luxgraph::observer::Observer;
@@ -178,7 +179,7 @@ fn same_file(a: &Path, b: &Path) -> bool {
 /// Passes on what the loader had to say about the scene.
 pub fn note(scene: &Scene) {
     for note in &scene.notes {
-        eprintln!("note: {note}");
+        tell!("note: {note}");
     }
 }
 
@@ -205,7 +206,7 @@ pub fn prepare<'a>(
             stats.pairs
         )
     };
-    println!(
+    say!(
         "scene: {} surfaces, {} points in {} voxels; graph: {how}",
         scene.geometry.surfaces.len(),
         prepared.points.len(),
@@ -245,13 +246,13 @@ impl Job<'_> {
         let lit = pipeline::light(geometry, self.prepared, &self.scene.appearance, settings, observer)?;
         let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
         if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
-            eprintln!(
+            tell!(
                 "note: point lights have no body: their light reaches surfaces over mirrors and glass too, but \
                  the view shows no reflection and no highlight of the lights themselves"
             );
         }
         let stats = &lit.1.stats;
-        println!(
+        say!(
             "first pass: {:.2} s, {:.0} sweeps, {:.4} % of the flux unabsorbed, {} rays",
             stats.setup_s + stats.solve_s,
             stats.sweeps,
@@ -266,16 +267,16 @@ impl Job<'_> {
             self.checkpoint.as_ref(),
             observer,
         )?;
-        println!("second pass: {:.2} s, {} rays", stats.second_pass_s, stats.rays());
+        say!("second pass: {:.2} s, {} rays", stats.second_pass_s, stats.rays());
         let layers = output::exr::ExrOptions { xyz: self.spectral, spectral: self.spectral };
         output::exr::write(&targets.exr, &image, &layers)?;
         if let Some(checkpoint) = &self.checkpoint {
             checkpoint.finish()?;
         }
         let ev = output::png::write(&targets.png, &image, self.exposure)?;
-        println!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
+        say!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
         if let Some(why) = darkness(&image, &lit.1, &stats) {
-            eprintln!("note: the image is black: {why}");
+            tell!("note: the image is black: {why}");
         }
         if let Some(path) = &targets.report {
             write_json(path, &self.report(&lit, stats, ev))?;

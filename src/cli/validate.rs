@@ -3,6 +3,7 @@
 use super::args::Validate;
 use super::progress::Bars;
 use super::run::{check_outputs, tracer_choice};
+use super::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::wavelength_table::WavelengthTable;
 use luxgraph::report::{Machine, write_json};
@@ -38,9 +39,9 @@ pub fn run(args: &Validate) -> Result<()> {
     let passed = groups.iter().map(Group::passed).sum();
     let wall_s = groups.iter().map(|g| g.wall_s).sum();
     let wavelength_table = WavelengthTable::measure()?;
-    println!("\nThe choice of wavelengths, for comparison: {wavelength_table}");
-    println!("\ntracer {tracer}, {wall_s:.1} s");
-    println!("{passed} of {cases} pass");
+    say!("\nThe choice of wavelengths, for comparison: {wavelength_table}");
+    say!("\ntracer {tracer}, {wall_s:.1} s");
+    say!("{passed} of {cases} pass");
     if let Some(path) = &args.report {
         let (luxgraph, machine) = (env!("CARGO_PKG_VERSION"), Machine::this());
         write_json(
@@ -56,15 +57,15 @@ pub fn run(args: &Validate) -> Result<()> {
 
 /// One group: its title, its cases under their sources, and the worst of them.
 fn print(group: &Group) {
-    println!("\n{:<82} {:>13} {:>13} {:>10} {:>10}", group.title, "expected", "found", "error", "tolerance");
+    say!("\n{:<82} {:>13} {:>13} {:>10} {:>10}", group.title, "expected", "found", "error", "tolerance");
     let mut source = "";
     for case in &group.cases {
         if case.source != source {
             source = case.source;
-            println!("  {source}:");
+            say!("  {source}:");
         }
         let (error, tolerance) = errors(case);
-        println!(
+        say!(
             "    {:<78} {:>13} {:>13} {error:>10} {tolerance:>10}  {}",
             case.name,
             number(case.expected),
@@ -74,7 +75,7 @@ fn print(group: &Group) {
     }
     if let Some(worst) = group.worst() {
         let (error, tolerance) = errors(worst);
-        println!(
+        say!(
             "  {} of {} pass; nearest to its tolerance: {}, error {error} of {tolerance}",
             group.passed(),
             group.cases.len(),

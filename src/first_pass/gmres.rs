@@ -84,7 +84,7 @@ fn inner(area: &[f32], a: &[f32], b: &[f32]) -> f64 {
     area.iter().zip(a).zip(b).map(|((&s, &a), &b)| f64::from(s) * f64::from(a) * f64::from(b)).sum()
 }
 
-/// Solves A x = b, `[W][N]`, in the norm that weighs points by their `area`, until the residual of
+/// Solves A x = b, `[W][N]`, in the norm that weighs points by `area` (or any weight), until the residual of
 /// wavelength k is at most `goal[k]` or `limit` steps are done. `step(v, excess)` returns (z, A z) where z
 /// is v or something nearer to A⁻¹ v; `excess` is the largest residual yet over its goal.
 pub fn solve(

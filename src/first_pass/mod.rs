@@ -20,6 +20,7 @@ pub mod near;
 mod normalise;
 mod openings;
 pub mod reference;
+mod rooms;
 mod scatter;
 mod settings;
 mod shooting;

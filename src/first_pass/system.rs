@@ -3,6 +3,7 @@
 use super::diffuse::DiffuseOperator;
 use super::flow::ChainFlow;
 use super::lights::PointLighting;
+use super::rooms::{rooms, weights};
 use super::settings::FirstPassSettings;
 use super::specular::SpecularSet;
 use super::stats::over_area;
@@ -35,6 +36,8 @@ pub struct System<'a> {
     pub reflectance: Vec<f32>,
     /// Whether a point reflects diffusely at any wavelength.
     pub reflects: Vec<bool>,
+    /// The room of each point.
+    pub room: Vec<u32>,
 }
 
 /// A solution on the way: radiance, and what the chains contribute to it.
@@ -76,6 +79,8 @@ impl<'a> System<'a> {
         } else {
             specular.apply_to_lights(points, &lights, &settings.chain)
         };
+        let passes = |i: usize| appearance.of(points.surface[i]).transmission.is_some();
+        let room = rooms(points, graph, tolerance, passes);
         let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
         System {
             points,
@@ -86,6 +91,7 @@ impl<'a> System<'a> {
             light_chains,
             reflectance,
             reflects,
+            room,
         }
     }
 
@@ -128,7 +134,8 @@ impl<'a> System<'a> {
         x.iter().zip(&back).map(|(x, b)| x - b).collect()
     }
 
-    /// Norm of the residual that surely keeps the flux under `tolerance` of what is emitted.
+    /// Norm of the residual that surely keeps the flux under `tolerance` of what is emitted, in the
+    /// strongest room and, by the weights of the norm, in every other.
     fn goals(&self, tolerance: f64) -> Vec<f64> {
         let area = over_area(self.points, |_| 1.0);
         self.emitted().iter().map(|f| tolerance * f / (PI * area.sqrt())).collect()
@@ -142,24 +149,25 @@ impl<'a> System<'a> {
         settings: &FirstPassSettings,
         mut progress: impl FnMut(f64),
     ) -> Result<Solved> {
-        let (area, w) = (&self.points.area, self.wavelengths());
+        let w = self.wavelengths();
         let max_sweeps = settings.max_sweeps as usize;
         let mut sweeps = 0usize;
         let mut flows: Vec<ChainFlow> = Vec::new();
         let goals = self.goals(settings.tolerance);
         let sources = self.sources();
+        let weights = weights(self.points, &self.room, &sources);
         let outcome = if self.specular.points.is_empty() {
-            gmres::solve(&sources, area, &goals, max_sweeps, |v, excess| {
+            gmres::solve(&sources, &weights, &goals, max_sweeps, |v, excess| {
                 sweeps += 1;
                 progress(excess);
                 Ok((v.to_vec(), self.diffuse_step(v)))
             })?
         } else {
-            gmres::solve(&sources, area, &goals, max_sweeps, |v, excess| {
+            gmres::solve(&sources, &weights, &goals, max_sweeps, |v, excess| {
                 progress(excess);
                 let inner_goals = vec![INNER; w];
                 let left = max_sweeps.saturating_sub(sweeps);
-                let inner = gmres::solve(v, area, &inner_goals, left, |v, _| {
+                let inner = gmres::solve(v, &weights, &inner_goals, left, |v, _| {
                     sweeps += 1;
                     Ok((v.to_vec(), self.diffuse_step(v)))
                 })?;

@@ -49,9 +49,7 @@ fn a_furnace_of_any_strength() {
     table.judge();
 }
 
-/// Two closed rooms side by side that know nothing of one another. The first pass stops by the flux of the whole scene,
-/// so only rooms that need equally many sweeps keep their digits: a room of rho 0.9 whose light is 1e-12 of that
-/// beside it, rho 0.1, is left at the second bounce, 80 % short.
+/// Two closed rooms side by side that know nothing of one another.
 fn two_rooms([rho_a, e_a]: [f64; 2], [rho_b, e_b]: [f64; 2]) -> Model {
     let mut model = Model::furnace(0.5, 1.0);
     model.materials = glowing("wall", rho_a, e_a) + &glowing("other", rho_b, e_b);
@@ -66,7 +64,7 @@ fn a_weak_light_is_right_beside_a_strong_one() {
     let mut table =
         Table::new("two closed rooms, 1e12 between their lights: each room's B / (E / (1 - rho))");
     for tracer in all_tracers() {
-        for (rho_a, rho_b) in [(0.5, 0.5), (0.8, 0.8)] {
+        for (rho_a, rho_b) in [(0.5, 0.5), (0.1, 0.9), (0.9, 0.1)] {
             for (e_a, e_b) in [(1.0, 1.0), (1e6, 1e-6), (1e-6, 1e6)] {
                 for (name, tolerance, bound) in [("default", 1e-3, 1e-3), ("tight", 1e-5, 1e-4)] {
                     let mut settings = Settings { tracer, ..tight() };
