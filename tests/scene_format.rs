@@ -94,3 +94,39 @@ fn emitters_keep_their_units() {
         assert_eq!(*diffuse, Some(Spectrum::Constant(0.0)), "what only emits reflects nothing");
     }
 }
+
+#[test]
+fn glass_that_stands_in_a_floor_is_noted() {
+    let scene = |height: f64| {
+        let text = format!(
+            r#"format = 1
+[materials.grey]
+reflectance = 0.5
+[materials.glass]
+solid = {{ index = 1.5 }}
+[[objects]]
+name = "floor"
+material = "grey"
+quads = [[[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]]
+[[objects]]
+name = "block"
+material = "glass"
+quads = [[[1, 1, {height}], [1, 2, {height}], [2, 2, {height}], [2, 1, {height}]]]
+[[cameras]]
+name = "main"
+position = [0, 0, 3]
+target = [1, 1, 0]
+"#
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, text).unwrap();
+        load(&path).unwrap().notes
+    };
+    let notes = scene(0.0);
+    assert!(
+        notes.len() == 1 && notes[0].contains("\"block\"") && notes[0].contains("\"floor\""),
+        "{notes:?}"
+    );
+    assert!(scene(0.001).is_empty());
+}

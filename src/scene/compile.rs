@@ -8,6 +8,7 @@ use super::places::{self, unique, vector};
 use super::source::Sources;
 use super::spectra::Spectra;
 use super::surfaces::{Shaped, shape};
+use super::touching;
 use super::{Appearance, Camera, Geometry, MaterialId, Scene, SceneDescription};
 use crate::error::Result;
 use crate::geometry::SurfaceId;
@@ -45,6 +46,7 @@ pub fn scene(description: &SceneDescription) -> Result<Scene> {
     let cameras = cameras(description)?;
     let appearance = appearance(description, &geometry)?;
     notes.extend(description.meshes.values().flat_map(|m| m.notes.iter().cloned()));
+    notes.extend(touching::notes(&geometry, &appearance));
     Ok(Scene { geometry, appearance, sampling, cameras, sensors, grids, notes })
 }
 

@@ -17,6 +17,7 @@ mod source;
 mod spectra;
 mod suggest;
 mod surfaces;
+mod touching;
 
 pub use camera::{Camera, View};
 pub use light::{Distribution, LightLevel, LightSource, PointLight};
