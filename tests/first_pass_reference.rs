@@ -7,12 +7,14 @@ use glam::DVec3;
 use luxgraph::first_pass::reference::{evaluate, extended_form_factors};
 use luxgraph::first_pass::system::System;
 use luxgraph::first_pass::{ChainLimits, FirstPassSettings, visibility_calls};
+use luxgraph::observer::Silent;
 
 /// Compares all EFF, each row (receiver) relative to its largest entry; returns the literal count of
 /// calls and the counted one.
 fn compare(scene: &TestScene, lg_max: u32) -> (f64, f64) {
     let settings = FirstPassSettings::default();
-    let system = System::new(&scene.geometry, &scene.points, &scene.graph, &scene.appearance, &settings);
+    let system =
+        System::new(&scene.geometry, &scene.points, &scene.graph, &scene.appearance, &settings, &Silent);
     let limits = ChainLimits { lg_max: Some(lg_max), eff_min: 0.0, tolerance: 0.0 };
     let found = extended_form_factors(&system, &limits);
     let tolerance = scene.geometry.plane_tolerance() as f32;

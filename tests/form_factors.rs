@@ -6,6 +6,7 @@ use first_pass_support::*;
 use glam::{DVec3, Vec3};
 use luxgraph::first_pass::diffuse::DiffuseOperator;
 use luxgraph::first_pass::{FirstPassSettings, Kernel, form_factor};
+use luxgraph::observer::Silent;
 
 #[test]
 fn the_elements_of_a_surface_have_the_factor_of_the_whole() {
@@ -15,7 +16,7 @@ fn the_elements_of_a_surface_have_the_factor_of_the_whole() {
     quads.push(([v(0.5, 0.3), v(1.0, 0.3), v(1.0, 0.4), v(0.5, 0.4)], 0, true));
     let scene = TestScene::new(&quads, vec![diffuse(0.5, 1.0)], 1.0 / 256.0);
     let points = &scene.points;
-    let operator = DiffuseOperator::new(&scene.geometry, points, &scene.graph, Kernel::Analytic);
+    let operator = DiffuseOperator::new(&scene.geometry, points, &scene.graph, Kernel::Analytic, &Silent);
     let facing = |i: usize, j: usize| {
         let d = points.position[j] - points.position[i];
         points.normal[i].dot(d) > 1e-5 && points.normal[j].dot(d) < -1e-5

@@ -9,6 +9,7 @@
 
 use super::directions::{Directions, LANES};
 use super::normalise::Rows;
+use crate::observer::Observer;
 use crate::points::NO_POINT;
 use rayon::prelude::*;
 
@@ -36,7 +37,7 @@ pub struct Element {
 ///
 /// Elements of a group that sees openings are left alone: the cells that stand for those are too coarse to
 /// balance against, and light that leaves is lost anyway.
-pub fn balance(elements: &mut [Element], points: usize) -> (f64, f64) {
+pub fn balance(elements: &mut [Element], points: usize, observer: &dyn Observer) -> (f64, f64) {
     let groups = elements.iter().map(|e| e.group + 1).max().unwrap_or(0);
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); groups];
     elements.iter().enumerate().for_each(|(s, e)| members[e.group].push(s));
@@ -57,7 +58,9 @@ pub fn balance(elements: &mut [Element], points: usize) -> (f64, f64) {
         let sums: Vec<Vec<f32>> = (elements.par_iter().zip(&rows))
             .map(|(e, rows)| {
                 let sums = || rows.sums(&e.directions, &elements[e.other].directions);
-                if wanted(e) { sums() } else { Vec::new() }
+                let sums = if wanted(e) { sums() } else { Vec::new() };
+                observer.advance(u64::from(round == 0));
+                sums
             })
             .collect();
         let (mut deviation, mut weight, mut largest) = (0.0, 0.0, 0.0f64);

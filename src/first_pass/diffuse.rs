@@ -4,6 +4,7 @@
 use super::form_factor::{plain, plane_distances};
 use super::near::Corrections;
 use super::settings::Kernel;
+use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
@@ -118,6 +119,7 @@ impl<'a> DiffuseOperator<'a> {
         points: &'a SamplePoints,
         graph: &'a VisibilityGraph,
         kernel: Kernel,
+        observer: &dyn Observer,
     ) -> Self {
         let tasks = (0..points.voxels())
             .flat_map(|v| {
@@ -136,7 +138,7 @@ impl<'a> DiffuseOperator<'a> {
             tasks,
         };
         if kernel == Kernel::Analytic {
-            operator.corrections = Corrections::new(geometry, &operator);
+            operator.corrections = Corrections::new(geometry, &operator, observer);
         }
         let ones = vec![1.0; points.len()];
         operator.row_sums = operator.irradiance(&ones, |_| true);

@@ -81,10 +81,10 @@ pub fn solve(
     settings.validate()?;
     check_inputs(geometry, points, graph, appearance)?;
     let clock = Instant::now();
-    observer.begin("first pass", STEPS);
-    let system = System::new(geometry, points, graph, appearance, settings);
+    let system = System::new(geometry, points, graph, appearance, settings, observer);
     let setup_s = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
+    observer.begin("first pass", STEPS);
     let solved = match settings.solver {
         Solver::Iterative => system.solve_iteratively(settings, descent(observer)),
         Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),

@@ -4,6 +4,7 @@
 use super::diffuse::{DiffuseOperator, LANES, Lanes};
 use super::form_factor::{NEAR, exact, extent2};
 use crate::geometry::{Shape, Side};
+use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
@@ -41,10 +42,16 @@ struct Row {
 
 impl Corrections {
     /// Those of all pairs that see each other.
-    pub fn new(geometry: &Geometry, operator: &DiffuseOperator) -> Self {
+    pub fn new(geometry: &Geometry, operator: &DiffuseOperator, observer: &dyn Observer) -> Self {
         let patches = Patches::new(geometry, operator.points);
-        let rows = |task| Receivers { operator, patches: &patches }.rows(task);
+        let rows = |task: (usize, usize, usize)| {
+            let rows = Receivers { operator, patches: &patches }.rows(task);
+            observer.advance(rows.len() as u64);
+            rows
+        };
+        observer.begin("form factors", operator.points.len() as u64);
         let blocks: Vec<Vec<Row>> = operator.tasks.par_iter().map(|&task| rows(task)).collect();
+        observer.end();
         let rows: Vec<Row> = blocks.into_iter().flatten().collect();
         Corrections {
             near_pairs: rows.iter().map(|r| r.near).sum(),

@@ -8,6 +8,7 @@ use super::normalise::{normalise_reflection, normalise_transmission};
 use super::settings::Kernel;
 use crate::geometry::Side;
 use crate::material::{AlbedoTable, Transmission};
+use crate::observer::Observer;
 use crate::points::{NO_POINT, SamplePoints};
 use crate::scene::SampledAppearance;
 use crate::visibility::VisibilityGraph;
@@ -136,6 +137,7 @@ impl SpecularSet {
         appearance: &SampledAppearance,
         kernel: Kernel,
         tolerance: f32,
+        observer: &dyn Observer,
     ) -> Self {
         let materials: Vec<_> = appearance.materials.iter().map(SpecularMaterial::new).collect();
         let material_of = |i: usize| appearance.surface_material[points.surface[i].index()].0 as usize;
@@ -190,6 +192,19 @@ impl SpecularSet {
                 links,
             }
         };
+        let build = |i: &u32| {
+            let point = build(i);
+            observer.advance(1);
+            point
+        };
+        if chosen.is_empty() {
+            return SpecularSet {
+                materials,
+                wavelengths: appearance.wavelengths.len(),
+                ..Default::default()
+            };
+        }
+        observer.begin("specular points", chosen.len() as u64);
         let mut set = SpecularSet {
             points: chosen.par_iter().map(build).collect(),
             materials,
@@ -197,8 +212,9 @@ impl SpecularSet {
             closure_error: (0.0, 0.0),
             cells: 0,
         };
+        observer.end();
         set.connect();
-        set.normalise(points);
+        set.normalise(points, observer);
         set.cells = set.points.iter().flat_map(|p| &p.members).filter(|&&m| m == NO_POINT).count() as u64;
         set
     }
@@ -233,14 +249,19 @@ impl SpecularSet {
     }
 
     /// Scales all lobes to their directional albedo.
-    fn normalise(&mut self, sample: &SamplePoints) {
+    fn normalise(&mut self, sample: &SamplePoints, observer: &dyn Observer) {
         let materials = &self.materials;
+        let lobes: usize = self.points.iter().map(|p| 1 + usize::from(p.transmission.is_some())).sum();
+        observer.begin("specular lobes", lobes as u64);
         let mut errors: Vec<(f64, f64)> = self
             .points
             .par_iter_mut()
             .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
             .filter(|(_, m)| m.m2 > 0.0)
-            .map(|(p, m)| normalise_reflection(&mut p.reflection, &m.albedo))
+            .map(|(p, m)| {
+                observer.advance(1);
+                normalise_reflection(&mut p.reflection, &m.albedo)
+            })
             .collect();
         let refracts = |p: &SpecularPoint| p.transmission.as_ref().is_some_and(|t| !t.origin.straight);
         let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())
@@ -254,6 +275,7 @@ impl SpecularSet {
                 let mut a = self.points[s].transmission.clone()?;
                 let mut b = self.points[t].transmission.clone()?;
                 let error = normalise_transmission(&mut a, &mut b);
+                observer.advance(2);
                 Some((s, a, t, b, error))
             })
             .collect();
@@ -262,8 +284,9 @@ impl SpecularSet {
             self.points[t].transmission = Some(b);
             errors.push(error);
         }
-        errors.extend(self.balance(sample, false));
-        errors.extend(self.balance(sample, true));
+        errors.extend(self.balance(sample, false, observer));
+        errors.extend(self.balance(sample, true, observer));
+        observer.end();
         if !errors.is_empty() {
             let mean = errors.iter().map(|e| e.0).sum::<f64>() / errors.len() as f64;
             self.closure_error = (mean, errors.iter().map(|e| e.1).fold(0.0, f64::max));
@@ -271,7 +294,12 @@ impl SpecularSet {
     }
 
     /// Balances the ideal lobes of all mirrors, or of what goes straight `through` panes. Returns the deviation left.
-    fn balance(&mut self, sample: &SamplePoints, through: bool) -> Option<(f64, f64)> {
+    fn balance(
+        &mut self,
+        sample: &SamplePoints,
+        through: bool,
+        observer: &dyn Observer,
+    ) -> Option<(f64, f64)> {
         let chosen: Vec<usize> =
             (0..self.points.len()).filter(|&s| self.points[s].straight_lobe(through).is_some()).collect();
         let place = |s: usize| chosen.binary_search(&s).ok();
@@ -290,7 +318,7 @@ impl SpecularSet {
                 members: std::mem::take(&mut point.members),
             });
         }
-        let error = (!elements.is_empty()).then(|| balance(&mut elements, sample.len()));
+        let error = (!elements.is_empty()).then(|| balance(&mut elements, sample.len(), observer));
         for (&s, element) in chosen.iter().zip(elements) {
             let point = &mut self.points[s];
             point.members = element.members;

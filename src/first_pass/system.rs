@@ -9,6 +9,7 @@ use super::specular::SpecularSet;
 use super::stats::over_area;
 use super::{gmres, shooting};
 use crate::error::{Error, Result};
+use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use crate::visibility::VisibilityGraph;
@@ -60,6 +61,7 @@ impl<'a> System<'a> {
         graph: &'a VisibilityGraph,
         appearance: &SampledAppearance,
         settings: &FirstPassSettings,
+        observer: &dyn Observer,
     ) -> Self {
         let tolerance = geometry.plane_tolerance() as f32;
         let (n, w) = (points.len(), appearance.wavelengths.len());
@@ -72,7 +74,7 @@ impl<'a> System<'a> {
                 reflectance[k * n + i] = material.diffuse[k];
             }
         }
-        let specular = SpecularSet::new(points, graph, appearance, settings.kernel, tolerance);
+        let specular = SpecularSet::new(points, graph, appearance, settings.kernel, tolerance, observer);
         let lights = PointLighting::new(geometry, points, graph, appearance, &specular);
         let light_chains = if lights.misses_specular_points() {
             ChainFlow::default()
@@ -84,7 +86,7 @@ impl<'a> System<'a> {
         let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
         System {
             points,
-            diffuse: DiffuseOperator::new(geometry, points, graph, settings.kernel),
+            diffuse: DiffuseOperator::new(geometry, points, graph, settings.kernel, observer),
             specular,
             emission,
             lights,

@@ -154,8 +154,13 @@ impl Lit<'_> {
     /// Spectral radius of the form factors: by how much light grows from one diffuse bounce between
     /// perfectly white walls to the next.
     pub fn growth(&self, kernel: Kernel) -> f64 {
-        let operator =
-            DiffuseOperator::new(&self.geometry, &self.prepared.points, &self.prepared.graph, kernel);
+        let operator = DiffuseOperator::new(
+            &self.geometry,
+            &self.prepared.points,
+            &self.prepared.graph,
+            kernel,
+            &Silent,
+        );
         let mut light = vec![1.0; self.prepared.points.len()];
         let mut growth = 0.0;
         for _ in 0..40 {
