@@ -9,7 +9,7 @@ use luxgraph::observer::Silent;
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::crosscheck::crosscheck;
-use luxgraph::tracers::judge::EDGE_ULPS;
+use luxgraph::tracers::judge::END_ULPS;
 use luxgraph::tracers::{EmbreeTracer, RayTracer, Segment, embree};
 use tracer_scenes::room;
 
@@ -161,7 +161,7 @@ fn embree_and_brute_force_differ_only_within_rounding() {
         let report = crosscheck(&geometry, &[&embree, &truth], 20_000, 3, &Silent);
         assert_eq!(report.errors, 0, "{:#?}", report.listed.first());
         // Rays within a surface's plane keep Embree's own distance, good to a few units in the last place.
-        let rounding = EDGE_ULPS * f64::from(f32::EPSILON) * geometry.radius;
+        let rounding = END_ULPS * f64::from(f32::EPSILON) * geometry.radius;
         assert!(report.largest_t_difference_m < rounding, "{}", report.largest_t_difference_m);
     }
 }

@@ -14,6 +14,21 @@ fn tight() -> FirstPassSettings {
 }
 
 #[test]
+fn a_closed_cube_glows_with_e_over_one_minus_rho() {
+    for rho in [0.5_f32, 0.95, 0.99] {
+        let scene = TestScene::new(&cube([0; 6]), vec![diffuse(rho, 1.0)], 1.0 / 64.0);
+        let solution = scene.solve(&tight()).unwrap();
+        let expected = 1.0 / (1.0 - rho);
+        for &l in &solution.radiance {
+            assert!((l / expected - 1.0).abs() < 1e-3, "rho {rho}: {l} for {expected}");
+        }
+        let rows = solution.stats.row_sum;
+        assert!(rows.min > 0.9999 && rows.max < 1.0001, "{rows:?}");
+        assert!(solution.stats.sweeps < 20.0 && solution.stats.specular_points == 0);
+    }
+}
+
+#[test]
 fn the_papers_kernel_is_refused_where_it_gains_energy() {
     // Spectral radius 1.143 at 4 x 4 elements a face (VALIDATION, section 1).
     let mut settings = FirstPassSettings { kernel: Kernel::Paper, ..Default::default() };

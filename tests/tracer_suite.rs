@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 use luxgraph::geometry::{Ray, Shape};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
-use luxgraph::tracers::judge::{EDGE_ULPS, judge, judge_closest};
+use luxgraph::tracers::judge::{END_ULPS, judge, judge_closest};
 use luxgraph::tracers::voxel::VoxelTracer;
 use luxgraph::tracers::{EmbreeTracer, RayTracer, Segment, embree};
 use proptest::prelude::*;
@@ -69,7 +69,7 @@ impl<'a> Bench<'a> {
             // The same surface: the points differ across its plane by rounding at most.
             let speed = self.geometry.surface(a.surface).normal.dot(ray.direction).abs();
             let reach = ray.at(b.t).abs().max(ray.origin.abs()).max_element().max(self.geometry.radius);
-            let band = EDGE_ULPS * f64::from(f32::EPSILON) * reach;
+            let band = END_ULPS * f64::from(f32::EPSILON) * reach;
             assert!(
                 (a.t - b.t).abs() * speed <= band && a.side == b.side,
                 "{ray:?}: {found:?}, not {expected:?}"

@@ -39,7 +39,6 @@ struct Inside {
 pub fn run() -> Result<Vec<Case>> {
     let table: Table = expected::table(include_str!("data/fresnel.json"))?;
     let cosines = |degrees: &[f64]| degrees.iter().map(|d| d.to_radians().cos()).collect::<Vec<f64>>();
-    let tolerance = Tolerance::Absolute(1e-11);
     let mut cases = Vec::new();
     for (material, lines) in &table.materials {
         for line in lines {
@@ -54,7 +53,7 @@ pub fn run() -> Result<Vec<Case>> {
             for (which, (what, values)) in expected.into_iter().enumerate() {
                 let name = format!("{material}, {} nm, {what}, worst of 10 angles", line.wavelength_nm);
                 let pairs = values.iter().copied().zip(found.iter().map(|f| f[which]));
-                cases.push(Case::worst(name, DIGITS, tolerance, pairs));
+                cases.push(Case::worst(name, DIGITS, Tolerance::Absolute(1e-12), pairs));
             }
         }
     }
@@ -65,7 +64,7 @@ pub fn run() -> Result<Vec<Case>> {
             source: DIGITS,
             expected: glass.R_unpolarised[i],
             found: inside(cosine, glass.n),
-            tolerance,
+            tolerance: Tolerance::Absolute(1e-11),
         });
     }
     Ok(cases)

@@ -6,9 +6,9 @@ use crate::tracers::judge::{EDGE_ULPS, END_ULPS};
 use serde::Serialize;
 use std::fmt;
 
-/// At most this many disagreements are kept, those that are somebody's error first (some 30 MB, however many rays
-/// are asked about); all are counted.
-pub const MAX_LISTED: usize = 100_000;
+/// At most this many disagreements are kept, those that are somebody's error first (some 300 MB, however many
+/// rays are asked about); all are counted.
+pub const MAX_LISTED: usize = 1_000_000;
 
 /// Of the disagreements within rounding, the text of a report shows this many.
 const SHOWN: usize = 20;
