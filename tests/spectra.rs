@@ -1,8 +1,7 @@
 //! Do spectra become colours? (What independent colorimetry says is among the cases of `validate`.)
 
-use luxgraph::report::wavelength_table::{LIGHTS, WavelengthTable, colour_error};
+use luxgraph::report::wavelength_table::{LIGHTS, WavelengthTable, colour_error, patch_errors};
 use luxgraph::spectrum::{LUMENS_PER_WATT, Spectrum, Wavelengths, library, luminance_of, xyz_of};
-use luxgraph::validate::meyer::patch_errors;
 
 #[test]
 fn the_luminance_of_equal_energy_is_683_times_the_area_of_v_lambda() {
@@ -29,7 +28,7 @@ fn spiky_light_does_not_alias() {
     let light = library::illuminant("FL11").unwrap();
     for count in [4, 8, 16, 32] {
         let wavelengths = Wavelengths::bands(count).unwrap();
-        let plain = patch_errors(&wavelengths, &light, &wavelengths.sample_emission(&light), false);
+        let plain = patch_errors(&wavelengths, &light, &wavelengths.sample_emission(&light), false, 1);
         let averaged = colour_error(&wavelengths, &light, 1);
         println!("{count}: reflectance averaged {:.2}, product {:.2}", plain[2], averaged.mean);
         assert!(averaged.mean < 0.6 * plain[2], "{count}: {averaged:?} {plain:?}");

@@ -101,7 +101,7 @@ pub struct Lighting {
     /// How the first pass is solved [default: iterative]
     #[arg(long, value_enum)]
     pub solver: Option<SolverArg>,
-    /// Stop the solution when this share of the emitted flux is not yet absorbed [default: 0.001]
+    /// Stop the solution when this share of the emitted flux is not yet absorbed [default: 0.0001]
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
     /// Longest specular chain (the paper's lgmax) [default: as long as the tolerance asks]

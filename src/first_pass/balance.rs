@@ -58,10 +58,9 @@ pub fn balance(elements: &mut [Element], points: usize, observer: &dyn Observer)
         let sums: Vec<Vec<f32>> = (elements.par_iter().zip(&rows))
             .map(|(e, rows)| {
                 let sums = || rows.sums(&e.directions, &elements[e.other].directions);
-                let sums = if wanted(e) { sums() } else { Vec::new() };
-                observer.advance(u64::from(round == 0));
-                sums
+                if wanted(e) { sums() } else { Vec::new() }
             })
+            .inspect(|_| observer.advance(u64::from(round == 0)))
             .collect();
         let (mut deviation, mut weight, mut largest) = (0.0, 0.0, 0.0f64);
         for (group, closed) in

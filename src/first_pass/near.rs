@@ -44,13 +44,10 @@ impl Corrections {
     /// Those of all pairs that see each other.
     pub fn new(geometry: &Geometry, operator: &DiffuseOperator, observer: &dyn Observer) -> Self {
         let patches = Patches::new(geometry, operator.points);
-        let rows = |task: (usize, usize, usize)| {
-            let rows = Receivers { operator, patches: &patches }.rows(task);
-            observer.advance(rows.len() as u64);
-            rows
-        };
+        let rows = |task| Receivers { operator, patches: &patches }.rows(task);
+        let done = |rows: &Vec<Row>| observer.advance(rows.len() as u64);
         observer.begin("form factors", operator.points.len() as u64);
-        let blocks: Vec<Vec<Row>> = operator.tasks.par_iter().map(|&task| rows(task)).collect();
+        let blocks: Vec<Vec<Row>> = operator.tasks.par_iter().map(|&task| rows(task)).inspect(done).collect();
         observer.end();
         let rows: Vec<Row> = blocks.into_iter().flatten().collect();
         Corrections {

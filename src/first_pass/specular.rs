@@ -192,11 +192,6 @@ impl SpecularSet {
                 links,
             }
         };
-        let build = |i: &u32| {
-            let point = build(i);
-            observer.advance(1);
-            point
-        };
         if chosen.is_empty() {
             return SpecularSet {
                 materials,
@@ -206,7 +201,7 @@ impl SpecularSet {
         }
         observer.begin("specular points", chosen.len() as u64);
         let mut set = SpecularSet {
-            points: chosen.par_iter().map(build).collect(),
+            points: chosen.par_iter().map(build).inspect(|_| observer.advance(1)).collect(),
             materials,
             wavelengths: appearance.wavelengths.len(),
             closure_error: (0.0, 0.0),
@@ -258,10 +253,8 @@ impl SpecularSet {
             .par_iter_mut()
             .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
             .filter(|(_, m)| m.m2 > 0.0)
-            .map(|(p, m)| {
-                observer.advance(1);
-                normalise_reflection(&mut p.reflection, &m.albedo)
-            })
+            .map(|(p, m)| normalise_reflection(&mut p.reflection, &m.albedo))
+            .inspect(|_| observer.advance(1))
             .collect();
         let refracts = |p: &SpecularPoint| p.transmission.as_ref().is_some_and(|t| !t.origin.straight);
         let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())

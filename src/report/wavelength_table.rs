@@ -1,6 +1,6 @@
 //! What a number of wavelengths costs in colour: the 24 patches of the colour checker under four lights.
 
-use crate::colour::{delta_e_2000, lab};
+use crate::colour::{delta_e_76, delta_e_2000, lab};
 use crate::error::Result;
 use crate::spectrum::{Spectrum, Wavelengths, library, xyz_of};
 use serde::Serialize;
@@ -41,20 +41,42 @@ pub struct WavelengthTable(pub Vec<Row>);
 pub fn colour_error(wavelengths: &Wavelengths, light: &Spectrum, bounces: i32) -> ColourError {
     let wavelengths = wavelengths.under(light);
     let lamp = wavelengths.sample_emission(light);
-    let white = xyz_of(light);
-    let seen = |xyz: [f64; 3]| lab(xyz.map(|x| x.max(0.0)), white);
-    let (mut mean, mut worst) = (0.0, 0.0_f64);
-    let patches: Vec<Spectrum> =
-        library::reflectance_names().into_iter().filter_map(library::reflectance).collect();
-    for patch in &patches {
-        let reflected: Vec<f64> =
-            wavelengths.sample(patch).iter().zip(&lamp).map(|(r, s)| r.powi(bounces) * s).collect();
-        let exact = light.times(|nm| patch.at(nm).powi(bounces));
-        let error = delta_e_2000(seen(xyz_of(&exact)), seen(wavelengths.xyz(&reflected)));
-        mean += error / patches.len() as f64;
-        worst = worst.max(error);
-    }
+    let [_, _, mean, worst, _] = patch_errors(&wavelengths, light, &lamp, false, bounces);
     ColourError { mean, worst }
+}
+
+/// Mean and largest ΔE76, mean and largest ΔE2000 of light reflected `bounces` times by each of the 24 patches
+/// of the ColorChecker, and ΔE76 of the white. `lamp` are the samples of the light, `[wavelengths.len()]`; with
+/// `own_white` each side is seen against its own white, else both against that of the full spectrum.
+pub fn patch_errors(
+    wavelengths: &Wavelengths,
+    light: &Spectrum,
+    lamp: &[f64],
+    own_white: bool,
+    bounces: i32,
+) -> [f64; 5] {
+    // Negative X, Y, Z are clamped after the sum.
+    let scaled = |xyz: [f64; 3], factor: f64| xyz.map(|x| (factor * x).max(0.0));
+    let (exact, sampled) = (xyz_of(light), wavelengths.xyz(lamp));
+    let white = scaled(exact, 1.0 / exact[1]);
+    let (scale, sampled_white) = match own_white {
+        true => (1.0 / sampled[1], scaled(sampled, 1.0 / sampled[1])),
+        false => (1.0 / exact[1], white),
+    };
+    let (mut mean_76, mut max_76, mut mean_00, mut max_00) = (0.0, 0.0_f64, 0.0, 0.0_f64);
+    for patch in library::reflectance_names().into_iter().filter_map(library::reflectance) {
+        let full = light.times(|nm| patch.at(nm).powi(bounces));
+        let a = lab(scaled(xyz_of(&full), 1.0 / exact[1]), white);
+        let reflected: Vec<f64> =
+            wavelengths.sample(&patch).iter().zip(lamp).map(|(r, s)| r.powi(bounces) * s).collect();
+        let b = lab(scaled(wavelengths.xyz(&reflected), scale), sampled_white);
+        mean_76 += delta_e_76(a, b) / 24.0;
+        max_76 = max_76.max(delta_e_76(a, b));
+        mean_00 += delta_e_2000(a, b) / 24.0;
+        max_00 = max_00.max(delta_e_2000(a, b));
+    }
+    let white_76 = delta_e_76(lab(white, white), lab(scaled(sampled, 1.0 / exact[1]), white));
+    [mean_76, max_76, mean_00, max_00, white_76]
 }
 
 impl WavelengthTable {

@@ -11,7 +11,7 @@ mod enclosures;
 mod expected;
 mod form_factors;
 mod fresnel;
-pub mod meyer;
+mod meyer;
 mod model;
 mod photometry;
 mod shapes;
