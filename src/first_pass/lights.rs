@@ -1,6 +1,6 @@
 //! Point lights: what they bring to sample points, and what specular points make of it.
 
-use super::chain::reflectance;
+use super::bounce::reflectance;
 use super::directions::{Direction, Directions, LANES};
 use super::form_factor::exact;
 use super::lobe_table::{BAND, Band};

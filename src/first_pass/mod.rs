@@ -5,6 +5,7 @@
 //! factors of equation (7), which [`system`] solves without ever storing them.
 
 mod balance;
+mod bounce;
 pub mod chain;
 pub mod diffuse;
 pub mod directions;

@@ -5,7 +5,7 @@
 //! the product, else light leaks through walls. Factors, lobes and scale factors are those of the
 //! production code, and transmission through glass is added beside reflection.
 
-use super::chain::reflectance;
+use super::bounce::reflectance;
 use super::directions::Directions;
 use super::lobe_table::LobeTable;
 use super::settings::ChainLimits;
