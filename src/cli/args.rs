@@ -27,7 +27,7 @@ pub enum Command {
     Info(Info),
     /// Run the checks against closed forms and published cases: expected, found, error
     Validate(Validate),
-    /// Measure, beside the paper
+    /// Measure times: beside the paper, and how they grow
     Bench(Bench),
 }
 
@@ -225,6 +225,34 @@ pub enum BenchWhat {
         #[arg(long, value_name = "OUT.json")]
         report: Option<PathBuf>,
     },
+    /// How time and memory grow with the number of sample points, on a hall of desks
+    Hall(BenchHall),
+}
+
+/// `bench hall`
+#[derive(Debug, Args)]
+pub struct BenchHall {
+    /// Numbers of sample points, about
+    #[arg(value_name = "POINTS", default_values_t = [4_000, 16_000, 64_000, 128_000])]
+    pub points: Vec<usize>,
+    /// Rows of desks
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=200))]
+    pub rows: u16,
+    /// Desks in a row: 41 quadrilaterals each, with their lamps
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=200))]
+    pub columns: u16,
+    /// meyer4, or how many bands from 380 to 780 nm
+    #[arg(long, value_name = "meyer4|N", default_value = "4")]
+    pub wavelengths: String,
+    /// Ray tracer
+    #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+    pub tracer: TracerArg,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
 }
 
 /// `--tracer`

@@ -28,6 +28,7 @@ pub fn run(cli: Cli) -> Result<()> {
             BenchWhat::Paper { scene, tracer, threads, report } => {
                 with_threads(*threads, || bench::paper(scene, *tracer, report.as_deref()))
             }
+            BenchWhat::Hall(args) => with_threads(args.threads, || bench::growth(args)),
         },
     }
 }

@@ -1,10 +1,11 @@
 //! What a run did, for people and for machines: field names carry their unit.
 
+pub mod bench;
 pub mod machine;
 pub mod paper_tables;
 pub mod wavelength_table;
 
-pub use machine::{Machine, peak_memory_bytes};
+pub use machine::{Machine, peak_memory_bytes, reset_peak_memory};
 
 use crate::atomic_file;
 use crate::error::{Error, Result};

@@ -1,9 +1,9 @@
-//! `luxgraph bench`
+//! `luxgraph bench paper`
 
-use super::args::TracerArg;
-use super::progress::Bars;
-use super::run::{counts, prepare, tracer_choice};
-use super::say::say;
+use crate::cli::args::TracerArg;
+use crate::cli::progress::Bars;
+use crate::cli::run::{counts, prepare, tracer_choice};
+use crate::cli::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::paper_tables::{
     PAPER, PaperTables, SideBySide, duration, group, specular_points, time_visibility_calls,
