@@ -21,13 +21,25 @@ typedef struct lux_ray {
     float t_max;
 } lux_ray;
 
-/* Where a ray meets a quad first. */
+/* A disc or a sphere, met in double precision. */
+typedef struct lux_round {
+    double centre[3];
+    double radius;
+    /* Unit normal of a disc. */
+    double axis[3];
+    /* 1 for a disc, 0 for a sphere. */
+    uint32_t disc;
+    /* Number of the surface. */
+    uint32_t surface;
+} lux_round;
+
+/* Where a ray meets a surface first. */
 typedef struct lux_hit {
     /* Ray parameter. */
     float t;
-    /* Index of the quad, or LUX_MISS. */
-    uint32_t quad;
-    /* 1 in the triangle v2 v3 v1 of the quad, 0 in v0 v1 v3. */
+    /* Number of the surface, or LUX_MISS. */
+    uint32_t surface;
+    /* Of a quad 1 in the triangle v2 v3 v1, 0 in v0 v1 v3; of a sphere 1 where the ray leaves it, 0 where it enters. */
     uint32_t half;
 } lux_hit;
 
@@ -38,18 +50,19 @@ typedef struct lux_hit {
 /* Room for Embree's message. */
 #define LUX_MESSAGE_BYTES 256
 
-/* No quad. */
+/* No surface. */
 #define LUX_MISS 0xFFFFFFFFu
 
 /* The version of the library that is loaded as 10000 major + 100 minor + patch (31305 is 3.13.5);
  * 0 if no device can be made. */
 uint32_t lux_version(void);
 
-/* A scene of quad_count convex quads, quads[4 i ... 4 i + 3] indexing vertices of three floats each; a triangle
- * repeats its last index. Copies everything. On failure returns NULL and writes Embree's reason to
+/* A scene of quad_count convex quads, quads[4 i ... 4 i + 3] indexing vertices of three floats each (a triangle
+ * repeats its last index), the surface of quad i numbered quad_surface[i]; and of round_count discs and spheres. Copies everything. On failure returns NULL and writes Embree's reason to
  * message (at least LUX_MESSAGE_BYTES, always terminated). */
 lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uint32_t *quads,
-                         uint64_t quad_count, char *message);
+                         const uint32_t *quad_surface, uint64_t quad_count, const lux_round *rounds,
+                         uint64_t round_count, char *message);
 
 /* Frees a scene; NULL is allowed. */
 void lux_scene_free(lux_scene *scene);

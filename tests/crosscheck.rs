@@ -91,6 +91,7 @@ fn nudged(geometry: &Geometry) -> Geometry {
         *surface = Surface::new(match surface.shape {
             Shape::Quad(v) => Shape::Quad(v.map(nudge)),
             Shape::Triangle(v) => Shape::Triangle(v.map(nudge)),
+            round => round,
         });
     }
     nudged

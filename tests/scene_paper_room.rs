@@ -77,19 +77,20 @@ fn mirrored_once(scene: &Scene, lamp: &str, mirror: &str) -> Vec<(String, DVec3)
     };
     let (lamp, mirror) = (surface_of(lamp), surface_of(mirror));
     let tracer = BruteForce::new(&scene.geometry);
-    let from = lamp.point_at(0.5, 0.5) + 1e-3 * lamp.normal;
+    let from = lamp.point_at(0.5, 0.5) + 1e-3 * lamp.normal_at(lamp.middle());
     let mut landed = Vec::new();
     for i in 0..10 {
         for j in 0..10 {
             let at = mirror.point_at((f64::from(i) + 0.5) / 10.0, (f64::from(j) + 0.5) / 10.0);
-            let origin = at + 1e-6 * mirror.normal;
+            let origin = at + 1e-6 * mirror.normal_at(mirror.middle());
             let way = origin - from;
             let t_max = way.length();
             let incoming = way / t_max;
             if tracer.closest(&Ray { origin: from, direction: incoming, t_min: 1e-6, t_max }).is_some() {
                 continue;
             }
-            let direction = incoming - 2.0 * incoming.dot(mirror.normal) * mirror.normal;
+            let direction = incoming
+                - 2.0 * incoming.dot(mirror.normal_at(mirror.middle())) * mirror.normal_at(mirror.middle());
             let ray = Ray { origin, direction, t_min: 1e-6, t_max: f64::INFINITY };
             let hit = tracer.closest(&ray).expect("a closed room");
             let object = scene.geometry.object[hit.surface.index()].0 as usize;

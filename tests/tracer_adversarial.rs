@@ -2,7 +2,7 @@
 //! band in which `f32` and `f64` may differ, and the voxel tracer must equal brute force to the bit.
 
 use glam::DVec3;
-use luxgraph::geometry::{QuadKind, Ray, Shape, classify_quad};
+use luxgraph::geometry::{Disc, QuadKind, Ray, Shape, Sphere, classify_quad};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Verdict, judge, judge_closest};
@@ -36,12 +36,12 @@ impl Random {
     }
 }
 
-/// Parallelograms, warped quadrilaterals, triangles and slivers.
+/// Parallelograms, warped quadrilaterals, triangles, slivers, discs and spheres.
 fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
     let mut shapes = Vec::new();
     while shapes.len() < count {
         let (o, x, mut y) = (random.place(coarse), random.place(coarse), random.place(coarse));
-        let kind = random.below(6);
+        let kind = random.below(8);
         if kind == 0 {
             y *= 1e-3;
         }
@@ -55,6 +55,8 @@ fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
         shapes.push(match kind {
             1 | 2 => Shape::Triangle([o, o + x, o + y]),
             3 => Shape::Quad(warped),
+            6 => Shape::Disc(Disc { centre: o, normal: x.normalize(), radius: 0.5 * y.length() }),
+            7 => Shape::Sphere(Sphere { centre: o, radius: 0.5 * x.length(), inward: random.unit() < 0.5 }),
             _ => Shape::Quad([o, o + x, o + x + y, o + y]),
         });
     }
@@ -65,6 +67,12 @@ fn geometry(shapes: Vec<Shape>, size: f64, at: DVec3) -> Geometry {
     let placed = |shape| match shape {
         Shape::Quad(v) => Shape::Quad(v.map(|p: DVec3| size * p + at)),
         Shape::Triangle(v) => Shape::Triangle(v.map(|p: DVec3| size * p + at)),
+        Shape::Disc(Disc { centre, normal, radius }) => {
+            Shape::Disc(Disc { centre: size * centre + at, normal, radius: size * radius })
+        }
+        Shape::Sphere(Sphere { centre, radius, inward }) => {
+            Shape::Sphere(Sphere { centre: size * centre + at, radius: size * radius, inward })
+        }
     };
     let shapes = shapes.into_iter().enumerate().map(|(i, s)| (placed(s), false, i as u32, ObjectId(0)));
     Geometry::new(shapes.collect(), vec!["all".into()])
@@ -74,8 +82,21 @@ fn geometry(shapes: Vec<Shape>, size: f64, at: DVec3) -> Geometry {
 fn segment(random: &mut Random, geometry: &Geometry, voxels: &Voxels) -> Segment {
     let surface = &geometry.surfaces[random.below(geometry.surfaces.len())];
     let v = surface.vertices();
-    let corner = random.below(v.len());
-    let (p, next) = (v[corner], v[(corner + 1) % v.len()]);
+    let (p, next) = match surface.round() {
+        // A pole or a place of the rim, and another a little on along the surface, its tangent or its rim.
+        Some(round) => {
+            let p = surface.point_at(0.5 * random.below(3) as f64, 0.5 * random.below(3) as f64);
+            let on = [
+                surface.point_at(random.unit(), 1.0),
+                p + round.radius() * surface.normal_at(p).any_orthonormal_vector(),
+            ];
+            (p, on[random.below(2)])
+        }
+        None => {
+            let corner = random.below(v.len());
+            (v[corner], v[(corner + 1) % v.len()])
+        }
+    };
     let reach = geometry.radius;
     let anywhere = |random: &mut Random| 1.2 * reach * random.place(false);
     let through = |random: &mut Random, a: DVec3, p: DVec3| a + (1.0 + random.unit()) * (p - a);
@@ -92,7 +113,9 @@ fn segment(random: &mut Random, geometry: &Geometry, voxels: &Voxels) -> Segment
         // Along an edge, and in the plane of a surface.
         4 => (p - (next - p), next),
         5 => {
-            let mut place = || surface.point_at(3.0 * random.unit() - 1.0, 3.0 * random.unit() - 1.0);
+            let within = surface.round().is_some();
+            let mut unit = || if within { random.unit() } else { 3.0 * random.unit() - 1.0 };
+            let mut place = || surface.point_at(unit(), unit());
             (place(), place())
         }
         // From the face, or along the edge, of a voxel.
@@ -113,7 +136,7 @@ fn segment(random: &mut Random, geometry: &Geometry, voxels: &Voxels) -> Segment
         _ => {
             let q = surface.point_at(random.unit(), random.unit());
             let along = (next - p) * random.sign();
-            (q, q + along + 10f64.powf(-6.0 * random.unit()) * random.sign() * reach * surface.normal)
+            (q, q + along + 10f64.powf(-6.0 * random.unit()) * random.sign() * reach * surface.normal_at(q))
         }
     };
     // Some components of the direction are zero, some segments run the other way.

@@ -7,7 +7,7 @@ mod furnished_room;
 
 use furnished_room::{block, geometry, quads, walls};
 use glam::{DMat3, DVec3};
-use luxgraph::geometry::{Ray, Shape};
+use luxgraph::geometry::{Disc, Ray, Shape, Sphere};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{END_ULPS, judge, judge_closest};
@@ -67,7 +67,8 @@ impl<'a> Bench<'a> {
             && a.surface == b.surface
         {
             // The same surface: the points differ across its plane by rounding at most.
-            let speed = self.geometry.surface(a.surface).normal.dot(ray.direction).abs();
+            let normal = self.geometry.surface(a.surface).normal_at(ray.at(b.t));
+            let speed = normal.dot(ray.direction).abs();
             let reach = ray.at(b.t).abs().max(ray.origin.abs()).max_element().max(self.geometry.radius);
             let band = END_ULPS * f64::from(f32::EPSILON) * reach;
             assert!(
@@ -248,6 +249,56 @@ fn warped(make: Make, agreement: Agreement) {
     assert!((hit.t - 2.0).abs() < 1e-6, "the diagonal v1-v3 is at height 0, v0-v2 at 0.5: t = {}", hit.t);
 }
 
+/// A room with balls and discs in it, one around it all and one around one of them; turned, of any size, anywhere.
+fn round(make: Make, agreement: Agreement) {
+    for (size, place) in
+        [(1.0, DVec3::ZERO), (1e-3, DVec3::splat(2.0)), (1e6, DVec3::ZERO), (1.0, DVec3::X * 1e4)]
+    {
+        let mut shapes: Vec<Shape> = walls([-2.5, -2.0, -1.4], [2.5, 2.0, 1.4])
+            .iter()
+            .map(|q| Shape::Quad(q.map(|v| size * v + place)))
+            .collect();
+        let mut random = Random(7);
+        for k in 0..12 {
+            let (centre, radius) = (size * random.point() + place, size * (0.15 + 0.1 * random.next().abs()));
+            shapes.push(if k % 2 == 0 {
+                Shape::Sphere(Sphere { centre, radius, inward: k % 4 == 0 })
+            } else {
+                Shape::Disc(Disc { centre, normal: random.point().normalize(), radius })
+            });
+        }
+        shapes.push(Shape::Sphere(Sphere { centre: place, radius: 4.0 * size, inward: true }));
+        let geometry = Geometry::new(
+            shapes.into_iter().enumerate().map(|(i, s)| (s, false, i as u32, ObjectId(0))).collect(),
+            vec!["round".into()],
+        );
+        let bench = Bench::new(&geometry, make, agreement);
+        let mut random = Random(8);
+        let mut met = vec![0; geometry.surfaces.len()];
+        for _ in 0..6_000 {
+            let (a, b) = (3.0 * size * random.point(), 2.0 * size * random.point());
+            bench.both(a, b);
+            let ray = Ray { origin: a, direction: b - a, t_min: 0.0, t_max: f64::INFINITY };
+            let hit = bench.tracer.closest(&ray).expect("all lies within a sphere");
+            met[hit.surface.index()] += 1;
+        }
+        assert!(met.iter().all(|&n| n > 0), "{met:?}");
+        for _ in 0..6_000 {
+            // From surface to surface, to rims and poles, along tangents, and from a surface through itself.
+            let mut pick = || geometry.surfaces[6 + (random.next().abs() * 13.0) as usize % 13];
+            let (from, to) = (pick(), pick());
+            let mut unit = || 0.5 + 0.5 * random.next();
+            let p = from.point_at(unit(), unit());
+            let q = to.point_at(unit(), if unit() < 0.5 { 1.0 } else { unit() });
+            let tangent = from.normal_at(p).cross(q - p).normalize() * size;
+            bench.both(p, q);
+            bench.both(q, 2.0 * q - p);
+            bench.both(p - tangent, p + tangent);
+            bench.both(p, 2.0 * from.middle() - p);
+        }
+    }
+}
+
 fn nonsense(make: Make, _: Agreement) {
     let geometry = geometry(&quads());
     let tracer = make(&geometry);
@@ -313,8 +364,8 @@ macro_rules! suite {
     };
 }
 
-suite!(voxel_tracer, voxel: random_rays voxel_planes in_planes no_leaks sizes_and_places warped nonsense batches);
-suite!(embree_tracer, embree: random_rays voxel_planes in_planes no_leaks sizes_and_places warped nonsense batches);
+suite!(voxel_tracer, voxel: random_rays voxel_planes in_planes no_leaks sizes_and_places warped round nonsense batches);
+suite!(embree_tracer, embree: random_rays voxel_planes in_planes no_leaks sizes_and_places warped round nonsense batches);
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]

@@ -2,6 +2,7 @@
 //!
 //! All functions return q = π F, the projected solid angle of the element seen from the point.
 
+use super::round::{of_piece, within_sphere};
 use crate::points::SamplePoints;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -76,12 +77,22 @@ pub fn extent2(points: &SamplePoints, j: usize) -> f32 {
     0.5 * points.corners[j].iter().map(|c| c.distance_squared(points.position[j])).sum::<f32>()
 }
 
+/// q of element `j` seen from point `i`, near or far: of a polygon exact, of a piece of a disc or a sphere by
+/// smaller pieces of the true surface.
+pub fn near(points: &SamplePoints, i: usize, j: usize) -> f64 {
+    match points.round(j) {
+        Some(piece) if points.surface[i] == points.surface[j] => within_sphere(&piece),
+        Some(piece) => of_piece(points.position[i], points.normal[i], &piece),
+        None => exact(points.position[i], points.normal[i], &points.corners[j]),
+    }
+}
+
 /// q of element `j` seen from point `i`, which face each other: exact where the element is near and
 /// `analytic` is set, plain otherwise.
 pub fn projected_solid_angle(points: &SamplePoints, i: usize, j: usize, analytic: bool) -> f32 {
     let (d_i, d_j, r2) = plane_distances(points, i, j);
     if analytic && extent2(points, j) > NEAR * r2 {
-        exact(points.position[i], points.normal[i], &points.corners[j]) as f32
+        near(points, i, j) as f32
     } else {
         plain(d_i, d_j, r2, points.area[j])
     }

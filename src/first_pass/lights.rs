@@ -7,7 +7,7 @@ use super::lobe_table::{BAND, Band};
 use super::member::{Frame, outside};
 use super::scatter::{Lobe, Scatter};
 use super::specular::SpecularSet;
-use crate::points::SamplePoints;
+use crate::points::{Piece, SamplePoints};
 use crate::scene::{Distribution, Geometry, PointLight, SampledAppearance};
 use crate::simd::wide;
 use crate::visibility::VisibilityGraph;
@@ -60,7 +60,11 @@ impl PointLighting {
                 *flux += light.distribution.solid_angle() * f64::from(*i);
             }
             for i in (0..n).filter(|&i| graph.lit(l, i)) {
-                let share = (into(light, &points.corners[i]) / f64::from(points.area[i])) as f32;
+                let into = match points.round(i) {
+                    Some(piece) => into_piece(light, &piece),
+                    None => into(light, &points.corners[i]),
+                };
+                let share = (into / f64::from(points.area[i])) as f32;
                 for (k, intensity) in intensity.iter().enumerate() {
                     lighting.irradiance[k * n + i] += share * intensity;
                 }
@@ -176,6 +180,20 @@ fn into(light: &PointLight, corners: &[Vec3; 4]) -> f64 {
         }
         Distribution::Lambertian { axis } => exact(light.position.as_vec3(), axis.as_vec3(), corners),
     }
+}
+
+/// The same for a piece of a disc or a sphere: by pieces that subtend little.
+fn into_piece(light: &PointLight, piece: &Piece) -> f64 {
+    const SMALL: f64 = 2.5e-3;
+    const DEEPEST: u8 = 8;
+    let fine = |place: DVec3, area: f64| area <= SMALL * place.distance_squared(light.position);
+    piece.sum(DEEPEST, fine, |place, normal, area| {
+        let way = place - light.position;
+        let distance = way.length();
+        let solid_angle = area * (-normal.dot(way)).max(0.0) / distance.powi(3);
+        let share = solid_angle * light.distribution.towards(way / distance);
+        if share.is_finite() { share } else { 0.0 }
+    })
 }
 
 /// The solid angle of a triangle seen from the origin (A. van Oosterom and J. Strackee, 1983), sr.

@@ -22,6 +22,7 @@ mod normalise;
 mod openings;
 pub mod reference;
 mod rooms;
+pub(crate) mod round;
 mod scatter;
 mod settings;
 mod shooting;

@@ -2,8 +2,9 @@
 //! elements of a surface together have the exact factor of the whole.
 
 use super::diffuse::{DiffuseOperator, LANES, Lanes};
-use super::form_factor::{NEAR, exact, extent2};
-use crate::geometry::{Shape, Side};
+use super::form_factor::{NEAR, exact, extent2, near};
+use super::round::of_whole;
+use crate::geometry::{Round, Shape, Side};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
@@ -100,10 +101,28 @@ struct Run {
     points: Range<usize>,
 }
 
+/// A whole side of a surface.
+enum Whole {
+    /// Corners.
+    Polygon([Vec3; 4]),
+    /// What is no polygon.
+    Round(Round, Side),
+}
+
+impl Whole {
+    /// q of all that is above the horizon and faces the point, if known.
+    fn seen_from(&self, position: Vec3, normal: Vec3) -> Option<f64> {
+        match self {
+            Whole::Polygon(corners) => Some(exact(position, normal, corners)),
+            Whole::Round(round, side) => of_whole(position, normal, round, *side),
+        }
+    }
+}
+
 /// The sides of surfaces that carry points.
 struct Patches {
-    /// Corners of the whole surface.
-    corners: Vec<[Vec3; 4]>,
+    /// The whole surface.
+    wholes: Vec<Whole>,
     /// What each voxel holds of them.
     runs: Vec<Vec<Run>>,
     /// Of every element.
@@ -114,7 +133,7 @@ impl Patches {
     fn new(geometry: &Geometry, points: &SamplePoints) -> Self {
         let mut found = std::collections::HashMap::new();
         let mut patches = Patches {
-            corners: Vec::new(),
+            wholes: Vec::new(),
             runs: Vec::with_capacity(points.voxels()),
             extent2: (0..points.len()).map(|j| extent2(points, j)).collect(),
         };
@@ -123,11 +142,13 @@ impl Patches {
             for j in points.voxel(v) {
                 let id = (points.surface[j], points.side[j] == Side::Front);
                 let patch = *found.entry(id).or_insert_with(|| {
-                    patches.corners.push(match geometry.surface(id.0).shape {
-                        Shape::Quad(v) => v.map(|v| v.as_vec3()),
-                        Shape::Triangle([a, b, c]) => [a, b, c, c].map(|v| v.as_vec3()),
+                    patches.wholes.push(match geometry.surface(id.0).shape {
+                        Shape::Quad(v) => Whole::Polygon(v.map(|v| v.as_vec3())),
+                        Shape::Triangle([a, b, c]) => Whole::Polygon([a, b, c, c].map(|v| v.as_vec3())),
+                        Shape::Disc(disc) => Whole::Round(Round::Disc(disc), points.side[j]),
+                        Shape::Sphere(sphere) => Whole::Round(Round::Sphere(sphere), points.side[j]),
                     });
-                    patches.corners.len() - 1
+                    patches.wholes.len() - 1
                 });
                 match runs.last_mut() {
                     Some(run) if run.patch == patch => run.points.end = j + 1,
@@ -164,7 +185,7 @@ impl Receivers<'_> {
         let DiffuseOperator { points, graph, .. } = self.operator;
         let mut scratch = vec![Vec::new(); points.voxels()];
         let tiles: Vec<Tile> = scratch.iter_mut().enumerate().map(|(b, s)| graph.tile(a, b, s)).collect();
-        let mut sums = vec![Sum::default(); self.patches.corners.len()];
+        let mut sums = vec![Sum::default(); self.patches.wholes.len()];
         (first..end).map(|i| self.row(i, i - points.voxel(a).start, &tiles, &mut sums)).collect()
     }
 
@@ -205,7 +226,8 @@ impl Receivers<'_> {
             if sum.seen == 0.0 || sum.doubt < DOUBT {
                 continue;
             }
-            let whole = exact(points.position[i], points.normal[i], &self.patches.corners[patch]);
+            let whole = self.patches.wholes[patch].seen_from(points.position[i], points.normal[i]);
+            let Some(whole) = whole else { continue };
             // The visible part shares the error of the whole. What is too much comes off one element,
             // but never more than half of it.
             let lacking = ((sum.seen * (whole / sum.all - 1.0)) as f32).max(-0.5 * sum.best.1);
@@ -242,7 +264,7 @@ impl Receivers<'_> {
             let r2 = points.position[i].distance_squared(points.position[j]);
             let mut q = f64::from(plain);
             if extent > NEAR * r2 {
-                q = exact(points.position[i], points.normal[i], &points.corners[j]);
+                q = near(points, i, j);
                 if visible {
                     entries.push((j as u32, (q - f64::from(plain)) as f32));
                 }

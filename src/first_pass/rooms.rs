@@ -23,7 +23,7 @@ pub fn rooms(
     let voxel_of: Vec<usize> = (0..points.voxels()).flat_map(|v| points.voxel(v).map(move |_| v)).collect();
     let faces = |i: usize, j: usize| {
         let (d_i, d_j, _) = plane_distances(points, i, j);
-        points.surface[i] != points.surface[j] && d_i > tolerance && d_j > tolerance
+        !points.share_plane(i, j) && d_i > tolerance && d_j > tolerance
     };
     let (mut count, mut stack) = (0, Vec::new());
     for first in 0..points.len() {

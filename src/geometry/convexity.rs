@@ -24,13 +24,14 @@ pub enum QuadKind {
 pub fn classify_quad(v: &[DVec3; 4]) -> QuadKind {
     let surface = Surface::new(Shape::Quad(*v));
     let diagonal = (v[2] - v[0]).length().max((v[3] - v[1]).length());
-    if surface.normal == DVec3::ZERO || !has_area(surface.area, diagonal) {
+    let normal = surface.normal_at(v[0]);
+    if normal == DVec3::ZERO || !has_area(surface.area, diagonal) {
         return QuadKind::Degenerate;
     }
     for corner in 0..4 {
         let before = v[corner] - v[(corner + 3) % 4];
         let after = v[(corner + 1) % 4] - v[corner];
-        let turn = surface.normal.dot(before.cross(after));
+        let turn = normal.dot(before.cross(after));
         let longest = before.length() * after.length();
         if longest == 0.0 || turn <= CONVEXITY_TOLERANCE * longest {
             return QuadKind::NotConvex(corner);

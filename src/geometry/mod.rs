@@ -2,11 +2,13 @@
 
 mod aabb;
 mod convexity;
+mod round;
 mod surface;
 
 pub use aabb::Aabb;
 pub use convexity::{CONVEXITY_TOLERANCE, QuadKind, classify_quad, is_triangle};
-pub use surface::{PLANARITY_TOLERANCE, Shape, Surface};
+pub use round::{Disc, Round, Sphere};
+pub use surface::{PLANARITY_TOLERANCE, Plane, Shape, Surface};
 
 use glam::DVec3;
 

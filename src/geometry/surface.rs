@@ -1,7 +1,7 @@
-//! Convex planar surfaces: the quadrilaterals of the paper, and triangles.
+//! Surfaces: the convex quadrilaterals of the paper, triangles, discs and spheres.
 
-use super::Aabb;
-use glam::DVec3;
+use super::{Aabb, Disc, Round, Sphere};
+use glam::{DVec2, DVec3};
 
 /// A quadrilateral further out of plane than this fraction of its longest diagonal is treated as
 /// its two triangles (scene loaders split it, on Embree's diagonal v1-v3).
@@ -14,17 +14,67 @@ pub enum Shape {
     Quad([DVec3; 4]),
     /// A triangle; `(u, v)` are the barycentric weights of v1 and v2.
     Triangle([DVec3; 3]),
+    /// A disc; `(u, v)` as [`Round`] says.
+    Disc(Disc),
+    /// A sphere; `(u, v)` as [`Round`] says.
+    Sphere(Sphere),
+}
+
+impl Shape {
+    /// The shape, if it is no polygon.
+    #[inline]
+    pub fn round(&self) -> Option<Round> {
+        match *self {
+            Shape::Quad(_) | Shape::Triangle(_) => None,
+            Shape::Disc(disc) => Some(Round::Disc(disc)),
+            Shape::Sphere(sphere) => Some(Round::Sphere(sphere)),
+        }
+    }
+
+    /// The shape with its vertices and its centre moved by `local`, its radius as the `f32` lattice holds it.
+    pub fn placed(&self, local: impl Fn(DVec3) -> DVec3) -> Shape {
+        match self {
+            Shape::Quad(v) => Shape::Quad(v.map(local)),
+            Shape::Triangle(v) => Shape::Triangle(v.map(local)),
+            Shape::Disc(disc) => Round::Disc(*disc).placed(local).into(),
+            Shape::Sphere(sphere) => Round::Sphere(*sphere).placed(local).into(),
+        }
+    }
+}
+
+impl From<Round> for Shape {
+    fn from(round: Round) -> Shape {
+        match round {
+            Round::Disc(disc) => Shape::Disc(disc),
+            Round::Sphere(sphere) => Shape::Sphere(sphere),
+        }
+    }
+}
+
+/// A plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal.
+    pub normal: DVec3,
+    /// `normal · x = offset` on the plane, m.
+    pub offset: f64,
+}
+
+impl Plane {
+    /// Signed distance of `p`, positive in front, m.
+    #[inline]
+    pub fn height(&self, p: DVec3) -> f64 {
+        self.normal.dot(p) - self.offset
+    }
 }
 
 /// A shape with its plane and area, ready to use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// Vertices, relative to the scene's centre, on the `f32` lattice.
+    /// Vertices or centre, relative to the scene's centre, on the `f32` lattice.
     pub shape: Shape,
-    /// Unit normal of the (mean) plane.
-    pub normal: DVec3,
-    /// `normal · x = offset` on the (mean) plane, m.
-    pub offset: f64,
+    /// The (mean) plane, if it has one.
+    plane: Option<Plane>,
     /// Area, m².
     pub area: f64,
 }
@@ -35,36 +85,90 @@ impl Surface {
         let (cross, middle) = match &shape {
             Shape::Quad(v) => ((v[2] - v[0]).cross(v[3] - v[1]), 0.25 * (v[0] + v[1] + v[2] + v[3])),
             Shape::Triangle(v) => ((v[1] - v[0]).cross(v[2] - v[0]), (v[0] + v[1] + v[2]) / 3.0),
+            Shape::Disc(disc) => {
+                let plane = Some(Plane { normal: disc.normal, offset: disc.normal.dot(disc.centre) });
+                return Surface { shape, plane, area: Round::Disc(*disc).area() };
+            }
+            Shape::Sphere(sphere) => {
+                return Surface { shape, plane: None, area: Round::Sphere(*sphere).area() };
+            }
         };
         let normal = cross.normalize_or_zero();
-        Surface { shape, normal, offset: normal.dot(middle), area: 0.5 * cross.length() }
+        let plane = Some(Plane { normal, offset: normal.dot(middle) });
+        Surface { shape, plane, area: 0.5 * cross.length() }
     }
 
-    /// The corners, counter-clockwise from the front.
+    /// The (mean) plane of a quadrilateral, a triangle or a disc.
+    #[inline]
+    pub fn plane(&self) -> Option<Plane> {
+        self.plane
+    }
+
+    /// The shape, if it is no polygon.
+    #[inline]
+    pub fn round(&self) -> Option<Round> {
+        self.shape.round()
+    }
+
+    /// Whether it lies in a plane: points of one planar surface do not see each other.
+    pub fn is_planar(&self) -> bool {
+        self.plane.is_some()
+    }
+
+    /// The corners, counter-clockwise from the front; what is no polygon has none.
     pub fn vertices(&self) -> &[DVec3] {
         match &self.shape {
             Shape::Quad(v) => v,
             Shape::Triangle(v) => v,
+            Shape::Disc(_) | Shape::Sphere(_) => &[],
         }
     }
 
-    /// The triangles that stand for the surface in every ray tracer, and how many: a quad is
-    /// v0 v1 v3 and v2 v3 v1, Embree's split.
+    /// The triangles that stand for a polygon in every ray tracer, and how many: a quad is
+    /// v0 v1 v3 and v2 v3 v1, Embree's split; what is no polygon has none.
     pub fn triangles(&self) -> ([[DVec3; 3]; 2], usize) {
         match self.shape {
             Shape::Quad([a, b, c, d]) => ([[a, b, d], [c, d, b]], 2),
             Shape::Triangle(t) => ([t, t], 1),
+            Shape::Disc(_) | Shape::Sphere(_) => ([[DVec3::ZERO; 3]; 2], 0),
         }
     }
 
     /// The smallest box around the surface.
     pub fn bounds(&self) -> Aabb {
-        Aabb::around(self.vertices().iter().copied())
+        match self.round() {
+            Some(round) => round.bounds(),
+            None => Aabb::around(self.vertices().iter().copied()),
+        }
     }
 
-    /// Signed distance of `p` from the plane, positive in front, m.
+    /// Unit normal, on the front, at the point of the surface nearest to `p`; for a polygon that of its (mean) plane.
+    #[inline]
+    pub fn normal_at(&self, p: DVec3) -> DVec3 {
+        match (self.plane, self.round()) {
+            (None, Some(round)) => round.normal_at(p),
+            (plane, _) => plane.map_or(DVec3::ZERO, |plane| plane.normal),
+        }
+    }
+
+    /// Signed distance of `p` from the plane or the sphere, positive in front, m.
+    #[inline]
     pub fn distance(&self, p: DVec3) -> f64 {
-        self.normal.dot(p) - self.offset
+        match (self.plane, self.round()) {
+            (None, Some(round)) => round.distance(p),
+            (plane, _) => plane.map_or(0.0, |plane| plane.height(p)),
+        }
+    }
+
+    /// The nearest point of the plane or the sphere, m.
+    #[inline]
+    pub fn project(&self, p: DVec3) -> DVec3 {
+        p - self.distance(p) * self.normal_at(p)
+    }
+
+    /// How far the surface strays from its plane or its sphere, m: 0 but for quadrilaterals that are not quite flat.
+    pub fn warp(&self) -> f64 {
+        self.vertices().iter().map(|v| self.distance(*v).abs()).fold(0.0, f64::max)
     }
 
     /// The point at parameters `(u, v)`.
@@ -72,6 +176,18 @@ impl Surface {
         match &self.shape {
             Shape::Quad(q) => q[0].lerp(q[1], u).lerp(q[3].lerp(q[2], u), v),
             Shape::Triangle(t) => (1.0 - u - v) * t[0] + u * t[1] + v * t[2],
+            Shape::Disc(disc) => Round::Disc(*disc).point_at(u, v),
+            Shape::Sphere(sphere) => Round::Sphere(*sphere).point_at(u, v),
         }
+    }
+
+    /// The middle of `(u, v)`.
+    pub fn middle(&self) -> DVec3 {
+        let at = if matches!(self.shape, Shape::Triangle(_)) {
+            DVec2::splat(1.0 / 3.0)
+        } else {
+            DVec2::splat(0.5)
+        };
+        self.round().map_or_else(|| self.point_at(at.x, at.y), |round| round.centre())
     }
 }

@@ -2,14 +2,18 @@
 
 use super::place::Place;
 use crate::first_pass::form_factor::exact;
+use crate::first_pass::round::of_piece;
 use crate::geometry::{Side, SurfaceId};
+use crate::points::Piece;
 use crate::scene::Geometry;
 use glam::{DVec3, Vec3};
 
-/// A convex piece of a surface; a triangle repeats its last corner.
+/// A convex piece of a polygon, or a piece of a disc or a sphere; a triangle repeats its last corner.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     pub corners: [Vec3; 4],
+    /// What is no polygon: its true shape, whose corners are only corners.
+    pub piece: Option<Piece>,
     pub surface: SurfaceId,
     pub side: Side,
     /// How often it was divided.
@@ -19,13 +23,24 @@ pub(super) struct Cell {
 impl Cell {
     /// A whole surface.
     pub fn whole(geometry: &Geometry, surface: SurfaceId, side: Side) -> Cell {
+        if let Some(round) = geometry.surface(surface).round() {
+            return Cell::round(Piece::whole(round, side), surface, 0);
+        }
         let v = geometry.surface(surface).vertices();
         let corners = std::array::from_fn(|i| v[i.min(v.len() - 1)].as_vec3());
-        Cell { corners, surface, side, depth: 0 }
+        Cell { corners, piece: None, surface, side, depth: 0 }
     }
 
-    /// The place at (u, v) of the bilinear patch over the corners.
+    fn round(piece: Piece, surface: SurfaceId, depth: u8) -> Cell {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[s, t]| piece.at(s, t).as_vec3());
+        Cell { corners, piece: Some(piece), surface, side: piece.side, depth }
+    }
+
+    /// The place at (u, v): of the bilinear patch over the corners, or of the true surface.
     pub fn at(&self, u: f32, v: f32) -> Vec3 {
+        if let Some(piece) = &self.piece {
+            return piece.at(f64::from(u), f64::from(v)).as_vec3();
+        }
         let [a, b, c, d] = self.corners;
         a.lerp(b, u).lerp(d.lerp(c, u), v)
     }
@@ -44,6 +59,9 @@ impl Cell {
 
     /// Four pieces.
     pub fn divide(&self) -> [Cell; 4] {
+        if let Some(piece) = &self.piece {
+            return piece.quarters().map(|quarter| Cell::round(quarter, self.surface, self.depth + 1));
+        }
         let at = |u: u8, v: u8| self.at(0.5 * f32::from(u), 0.5 * f32::from(v));
         let piece = |u: u8, v: u8| Cell {
             corners: [at(u, v), at(u + 1, v), at(u + 1, v + 1), at(u, v + 1)],
@@ -56,13 +74,25 @@ impl Cell {
     /// The longer diagonal as a share of the distance from `place`.
     pub fn extent(&self, place: &Place) -> f64 {
         let [a, b, c, d] = self.corners;
-        let diagonal = (c - a).length().max((d - b).length());
+        let diagonal = match &self.piece {
+            // The corners of a whole sphere are one place.
+            Some(piece) => (2.0 * piece.area()).sqrt() as f32,
+            None => (c - a).length().max((d - b).length()),
+        };
         f64::from(diagonal) / (self.centre().as_dvec3() - place.position).length().max(f64::MIN_POSITIVE)
     }
 
     /// Whether `place` is in front of the cell's side of its surface, and part of the cell in front of
     /// the sensor.
     pub fn faces(&self, geometry: &Geometry, place: &Place) -> bool {
+        if let Some(piece) = &self.piece {
+            // Some of a few of its points must be in front of the sensor and have it in front of them.
+            return (0..9).any(|k| {
+                let p = piece.at(0.5 * f64::from(k % 3), 0.5 * f64::from(k / 3));
+                let height = piece.normal_at(p).dot(place.position - p);
+                height > geometry.plane_tolerance() && place.height(p) > 0.0
+            });
+        }
         let distance = geometry.surface(self.surface).distance(place.position);
         let in_front = if self.side == Side::Front { distance } else { -distance };
         in_front > geometry.plane_tolerance()
@@ -78,6 +108,9 @@ impl Cell {
     /// Projected solid angle of what is in front of the sensor, sr.
     pub fn factor(&self, place: &Place) -> f64 {
         // Relative to the sensor, so that rounding to `f32` costs nothing close by.
+        if let Some(piece) = &self.piece {
+            return of_piece(place.position.as_vec3(), place.normal.as_vec3(), piece);
+        }
         let near = self.corners.map(|c| (c.as_dvec3() - place.position).as_vec3());
         exact(Vec3::ZERO, place.normal.as_vec3(), &near)
     }
@@ -89,9 +122,8 @@ pub(super) fn sides(geometry: &Geometry, surface: SurfaceId) -> impl Iterator<It
     [Side::Front, Side::Back].into_iter().take(if two_sided { 2 } else { 1 })
 }
 
-/// A place on a cell in the scene's coordinates, on the plane of its surface.
+/// A place on a cell in the scene's coordinates, on the plane of its surface, or on the disc or sphere.
 pub(super) fn on_surface(geometry: &Geometry, cell: &Cell, p: Vec3) -> DVec3 {
     let surface = geometry.surface(cell.surface);
-    let p = p.as_dvec3();
-    p - surface.distance(p) * surface.normal
+    surface.project(p.as_dvec3())
 }

@@ -76,5 +76,6 @@ impl<'a> Diffuse<'a> {
 
 /// The element of point `i`.
 pub(super) fn element(points: &SamplePoints, i: usize) -> Cell {
-    Cell { corners: points.corners[i], surface: points.surface[i], side: points.side[i], depth: 0 }
+    let piece = points.round(i);
+    Cell { corners: points.corners[i], piece, surface: points.surface[i], side: points.side[i], depth: 0 }
 }

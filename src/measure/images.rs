@@ -37,8 +37,13 @@ impl Emitters {
     pub fn new(scene: &LitScene) -> Self {
         let mut cells = emitters(scene);
         // On a surface that it has nothing to do with: only the corners count.
-        let point =
-            |p: DVec3| Cell { corners: [p.as_vec3(); 4], surface: SurfaceId(0), side: Side::Front, depth: 0 };
+        let point = |p: DVec3| Cell {
+            corners: [p.as_vec3(); 4],
+            piece: None,
+            surface: SurfaceId(0),
+            side: Side::Front,
+            depth: 0,
+        };
         cells.extend(scene.geometry.lights.iter().map(|l| point(l.position)));
         if cells.len() > MOST {
             cells.clear();
@@ -49,19 +54,21 @@ impl Emitters {
     /// What `surface` shows of them to `place`: mirrored, and for a pane straight as well.
     pub fn images(&self, scene: &LitScene, place: &Place, surface: SurfaceId, side: Side) -> Images {
         let material = scene.appearance.of(surface);
-        let plane = scene.geometry.surface(surface);
+        // The images in a curved mirror are small and anywhere: rays are spread evenly over it.
+        let Some(plane) = scene.geometry.surface(surface).plane() else { return Images::default() };
         let turn = if side == Side::Front { 1.0 } else { -1.0 };
         let mirrored = |p: Vec3| {
             let p = p.as_dvec3();
-            (p - 2.0 * plane.distance(p) * plane.normal).as_vec3()
+            (p - 2.0 * plane.height(p) * plane.normal).as_vec3()
         };
-        let in_front = |cell: &Cell| cell.corners.iter().any(|c| turn * plane.distance(c.as_dvec3()) > 0.0);
-        let behind = |cell: &Cell| cell.corners.iter().any(|c| turn * plane.distance(c.as_dvec3()) < 0.0);
+        let in_front = |cell: &Cell| cell.corners.iter().any(|c| turn * plane.height(c.as_dvec3()) > 0.0);
+        let behind = |cell: &Cell| cell.corners.iter().any(|c| turn * plane.height(c.as_dvec3()) < 0.0);
         let pane = matches!(material.transmission, Some(Transmission::Pane { .. }));
         let mut images = Images { images: Vec::new(), m: material.m };
         for cell in &self.cells {
             if in_front(cell) {
-                images.add(place, &Cell { corners: cell.corners.map(mirrored), ..*cell });
+                // The image of a disc or a sphere counts by its corners: it only says where to look closely.
+                images.add(place, &Cell { corners: cell.corners.map(mirrored), piece: None, ..*cell });
             }
             if pane && behind(cell) {
                 images.add(place, cell);

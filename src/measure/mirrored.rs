@@ -2,7 +2,7 @@
 
 use super::cell::{Cell, sides};
 use super::place::Place;
-use crate::geometry::{Ray, Side, SurfaceId};
+use crate::geometry::{Ray, Side, Surface, SurfaceId};
 use crate::material::{SampledMaterial, Transmission, microfacet};
 use crate::scene::PointLight;
 use crate::second_pass::LitScene;
@@ -18,7 +18,7 @@ const MOST_PANES: usize = 64;
 pub(super) struct Mirrored<'a> {
     scene: &'a LitScene<'a>,
     tracer: &'a dyn RayTracer,
-    /// Sides of surfaces that mirror lights.
+    /// Sides of planar surfaces that mirror lights.
     mirrors: Vec<(SurfaceId, Side)>,
     /// How far above a surface rays start, m.
     above: f64,
@@ -30,7 +30,7 @@ impl<'a> Mirrored<'a> {
         let mirrors = |material: &SampledMaterial| material.is_specular() && material.m < MIRROR;
         let mirrors = (0..scene.geometry.surfaces.len() as u32)
             .map(SurfaceId)
-            .filter(|&s| mirrors(scene.appearance.of(s)))
+            .filter(|&s| mirrors(scene.appearance.of(s)) && scene.geometry.surface(s).is_planar())
             .flat_map(|s| sides(scene.geometry, s).map(move |side| (s, side)))
             // The inside of a solid shows its lights to nobody outside.
             .filter(|(s, side)| *side == Side::Front || !is_solid(scene.appearance.of(*s)))
@@ -85,13 +85,14 @@ impl<'a> Mirrored<'a> {
         if ours <= self.above || its <= self.above {
             return None;
         }
-        let image = light.position - 2.0 * its * turn * mirror.normal;
+        let normal = mirror.plane()?.normal;
+        let image = light.position - 2.0 * its * turn * normal;
         let way = image - place.position;
         let met = place.position + ours / (ours + its) * way;
-        if place.height(met) <= 0.0 || !contains(mirror.vertices(), mirror.normal, met) {
+        if place.height(met) <= 0.0 || !contains(mirror, normal, met) {
             return None;
         }
-        let above = met + self.above * turn * mirror.normal;
+        let above = met + self.above * turn * normal;
         let (near, _) = self.through(place.position, above)?;
         let (far, _) = self.through(above, light.position)?;
         let material = self.scene.appearance.of(surface);
@@ -112,9 +113,18 @@ impl<'a> Mirrored<'a> {
             return None;
         }
         let surface = self.scene.geometry.surface(cell.surface);
-        let n = if cell.side == Side::Front { surface.normal } else { -surface.normal };
-        let (height, o) = (n.dot(ray.origin) - n.dot(surface.point_at(0.0, 0.0)), -ray.direction);
-        let met = ray.at(height / n.dot(o));
+        let o = -ray.direction;
+        let (met, normal) = match surface.plane() {
+            Some(plane) => {
+                let height = plane.normal.dot(ray.origin - surface.point_at(0.0, 0.0));
+                (ray.at(height / plane.normal.dot(o)), plane.normal)
+            }
+            None => {
+                let met = ray.at(surface.round()?.intersect(ray)?);
+                (met, surface.normal_at(met))
+            }
+        };
+        let n = if cell.side == Side::Front { normal } else { -normal };
         let (distance, i) = ((light.position - met).length(), (light.position - met).normalize_or_zero());
         let (ni, nr) = (n.dot(i), n.dot(o));
         let h = (i + o).normalize_or_zero();
@@ -145,7 +155,8 @@ impl<'a> Mirrored<'a> {
             else {
                 return None;
             };
-            let cosine = self.scene.geometry.surface(hit.surface).normal.dot(way.normalize_or_zero()).abs();
+            let normal = self.scene.geometry.surface(hit.surface).normal_at(ray.at(hit.t));
+            let cosine = normal.dot(way.normalize_or_zero()).abs();
             transmit.eval(cosine as f32, &mut share);
             through.iter_mut().zip(&share).for_each(|(t, s)| *t *= s);
             ray.t_min = hit.t + skip;
@@ -158,8 +169,12 @@ fn is_solid(material: &SampledMaterial) -> bool {
     matches!(material.transmission, Some(Transmission::Solid { .. }))
 }
 
-/// Whether `p`, in the plane of a convex polygon, is in it.
-fn contains(vertices: &[DVec3], normal: DVec3, p: DVec3) -> bool {
+/// Whether `p`, in the plane of a surface, is in it.
+fn contains(surface: &Surface, normal: DVec3, p: DVec3) -> bool {
+    if let Some(round) = surface.round() {
+        return p.distance(round.centre()) <= round.radius();
+    }
+    let vertices = surface.vertices();
     (0..vertices.len()).all(|k| {
         let (a, b) = (vertices[k], vertices[(k + 1) % vertices.len()]);
         normal.dot((b - a).cross(p - a)) >= 0.0

@@ -24,7 +24,7 @@ impl Cell {
         self.level <= Cell::MAX_LEVEL && u64::from(self.path) < 1 << (2 * self.level)
     }
 
-    /// The `child`th quarter, 0 to 3. In a quad bit 0 is the upper half of u and bit 1 that of v;
+    /// The `child`th quarter, 0 to 3. In a quad, a disc or a sphere bit 0 is the upper half of u and bit 1 that of v;
     /// in a triangle 0, 1, 2 are the corners and 3 the middle. A cell at [`Cell::MAX_LEVEL`] has none.
     pub fn child(self, child: u32) -> Cell {
         Cell { path: self.path << 2 | child, level: self.level + 1 }
@@ -34,7 +34,7 @@ impl Cell {
     pub fn corners_uv(self, shape: &Shape) -> [DVec2; 4] {
         let steps = (0..self.level).rev().map(|l| self.path >> (2 * l) & 3);
         match shape {
-            Shape::Quad(_) => {
+            Shape::Quad(_) | Shape::Disc(_) | Shape::Sphere(_) => {
                 let (mut lo, mut size) = (DVec2::ZERO, 1.0);
                 for child in steps {
                     size *= 0.5;
@@ -67,8 +67,8 @@ impl Cell {
     pub fn centre_uv(self, shape: &Shape) -> DVec2 {
         let c = self.corners_uv(shape);
         match shape {
-            Shape::Quad(_) => 0.5 * (c[0] + c[2]),
             Shape::Triangle(_) => (c[0] + c[1] + c[2]) / 3.0,
+            _ => 0.5 * (c[0] + c[2]),
         }
     }
 }
@@ -97,7 +97,7 @@ mod tests {
                 for b in 0..4 {
                     let c = Cell::ROOT.child(a).child(b).corners(&surface);
                     let cross = (c[2] - c[0]).cross(c[3] - c[1]);
-                    assert!(cross.dot(surface.normal) > 0.0, "orientation is kept");
+                    assert!(cross.dot(surface.normal_at(c[0])) > 0.0, "orientation is kept");
                     total += 0.5 * cross.length();
                 }
             }

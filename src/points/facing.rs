@@ -1,11 +1,11 @@
 //! Which points face each other: the one definition that every stage uses.
 //!
-//! Two points face each other when they lie on different surfaces and each is in front of the
-//! other's plane by more than [`Geometry::plane_tolerance`]. Points of one surface, of coplanar
-//! surfaces, and a point and its twin therefore never do.
+//! Two points face each other when each is in front of the plane that touches the other's surface there by more than
+//! [`Geometry::plane_tolerance`], and they do not lie on the same planar surface. Points of one planar surface, of coplanar
+//! surfaces, and a point and its twin therefore never do; points on the inside of one sphere do.
 
 use super::SamplePoints;
-use crate::geometry::{Side, SurfaceId};
+use crate::geometry::{Plane, Side, SurfaceId};
 use crate::scene::Geometry;
 use glam::DVec3;
 
@@ -19,13 +19,25 @@ pub struct SidePlane {
 }
 
 impl SidePlane {
-    /// The plane of `side` of `surface`.
-    pub fn new(geometry: &Geometry, surface: SurfaceId, side: Side) -> Self {
-        let s = geometry.surface(surface);
-        match side {
-            Side::Front => SidePlane { normal: s.normal, offset: s.offset },
-            Side::Back => SidePlane { normal: -s.normal, offset: -s.offset },
-        }
+    /// The plane of `side` of `surface`, if it is planar.
+    pub fn new(geometry: &Geometry, surface: SurfaceId, side: Side) -> Option<Self> {
+        let Plane { normal, offset } = geometry.surface(surface).plane()?;
+        Some(match side {
+            Side::Front => SidePlane { normal, offset },
+            Side::Back => SidePlane { normal: -normal, offset: -offset },
+        })
+    }
+
+    /// The plane of the surface of point `i` on its side, or where that is curved the one that touches it there.
+    pub fn at(geometry: &Geometry, points: &SamplePoints, i: usize) -> Self {
+        SidePlane::new(geometry, points.surface[i], points.side[i])
+            .unwrap_or_else(|| SidePlane::touching(points, i))
+    }
+
+    /// The plane through point `i` at right angles to its normal.
+    pub fn touching(points: &SamplePoints, i: usize) -> Self {
+        let normal = points.normal[i].as_dvec3();
+        SidePlane { normal, offset: normal.dot(points.position[i].as_dvec3()) }
     }
 
     /// Signed distance of `p` from the plane, positive in front, m.
@@ -39,16 +51,16 @@ impl SidePlane {
 pub fn face_each_other(geometry: &Geometry, points: &SamplePoints, i: usize, j: usize) -> bool {
     let tolerance = geometry.plane_tolerance();
     let above = |i: usize, j: usize| {
-        SidePlane::new(geometry, points.surface[i], points.side[i]).height(points.position[j].as_dvec3())
-            > tolerance
+        SidePlane::at(geometry, points, i).height(points.position[j].as_dvec3()) > tolerance
     };
-    points.surface[i] != points.surface[j] && above(i, j) && above(j, i)
+    let same = points.surface[i] == points.surface[j] && geometry.surface(points.surface[i]).is_planar();
+    !same && above(i, j) && above(j, i)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Shape;
+    use crate::geometry::{Shape, Sphere};
     use crate::points::{NO_POINT, Sampling, divide_by_area};
     use crate::scene::ObjectId;
 
@@ -81,6 +93,22 @@ mod tests {
                 for j in 0..points.len() {
                     let apart = points.surface[i] != points.surface[j];
                     assert_eq!(face_each_other(&geometry, &points, i, j), expected && apart);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn points_of_a_sphere_face_on_the_inside_alone() {
+        for inward in [false, true] {
+            let centre = DVec3::new(1.0, -2.0, 0.5);
+            let (geometry, points) =
+                sampled(&[(Shape::Sphere(Sphere { centre, radius: 1.3, inward }), true)]);
+            let sides = |i: usize| (points.side[i] == Side::Front) == inward;
+            for i in 0..points.len() {
+                for j in 0..points.len() {
+                    let expected = i != j && sides(i) && sides(j);
+                    assert_eq!(face_each_other(&geometry, &points, i, j), expected, "{inward} {i} {j}");
                 }
             }
         }

@@ -4,16 +4,19 @@
 mod cell;
 pub mod facing;
 mod neighbours;
+mod piece;
 mod refine;
 mod subdivide;
 
 pub use cell::Cell;
 pub use neighbours::MAX_EXTRA_LEVELS;
+pub use piece::Piece;
 pub use refine::{MAX_POINTS, refine, request_key, sample};
 pub use subdivide::{Element, divide_by_area, element_area};
 
-use crate::geometry::{Side, SurfaceId};
+use crate::geometry::{Round, Side, SurfaceId};
 use glam::Vec3;
+use std::collections::BTreeMap;
 
 /// When to stop dividing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +62,8 @@ pub struct SamplePoints {
     /// δS_i, m².
     pub area: Vec<f32>,
     /// Corners of the element, counter-clockwise as seen from the point's own side; the last is
-    /// repeated for a triangle.
+    /// repeated for a triangle. An element of a disc or a sphere is more than they tell: see
+    /// [`SamplePoints::round`].
     pub corners: Vec<[Vec3; 4]>,
     /// The surface it lies on.
     pub surface: Vec<SurfaceId>,
@@ -69,6 +73,8 @@ pub struct SamplePoints {
     pub twin: Vec<u32>,
     /// The element, as a cell of the surface's quadtree.
     pub cell: Vec<Cell>,
+    /// The discs and spheres among the surfaces of the points.
+    pub rounds: BTreeMap<SurfaceId, Round>,
     /// First point of each voxel, and at the end the number of points: `[voxels + 1]`.
     pub voxel_starts: Vec<u32>,
     /// Hash of the geometry and of the element and voxel of every point: a graph belongs to one key.
@@ -89,6 +95,24 @@ impl SamplePoints {
     /// Number of voxels, empty ones included.
     pub fn voxels(&self) -> usize {
         self.voxel_starts.len().saturating_sub(1)
+    }
+
+    /// The element of point `i`, if it is no polygon.
+    #[inline]
+    pub fn round(&self, i: usize) -> Option<Piece> {
+        // Most scenes have none, and need not be asked about each point.
+        if self.rounds.is_empty() {
+            return None;
+        }
+        let round = *self.rounds.get(&self.surface[i])?;
+        Some(Piece { round, side: self.side[i], cell: self.cell[i] })
+    }
+
+    /// Whether points `i` and `j` lie on the same planar surface, and so cannot face each other.
+    #[inline]
+    pub fn share_plane(&self, i: usize, j: usize) -> bool {
+        self.surface[i] == self.surface[j]
+            && !matches!(self.rounds.get(&self.surface[i]), Some(Round::Sphere(_)))
     }
 
     /// The points of voxel `v`.

@@ -36,10 +36,12 @@ impl Neighbourhood {
             .map(|&(id, cell)| {
                 let surface = geometry.surface(id);
                 let uv = cell.centre_uv(&surface.shape);
+                let centre = surface.point_at(uv.x, uv.y);
+                let normal = surface.normal_at(centre);
                 Station {
-                    centre: surface.point_at(uv.x, uv.y),
-                    normal: surface.normal,
-                    offset: surface.offset,
+                    centre,
+                    normal,
+                    offset: surface.plane().map_or(normal.dot(centre), |plane| plane.offset),
                     area: element_area(geometry, (id, cell)),
                     two_sided: geometry.two_sided[id.index()],
                     divisible: cell.level < deepest_level(geometry, sampling, (id, cell)),

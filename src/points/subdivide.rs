@@ -1,7 +1,7 @@
 //! Dividing surfaces into elements, and elements into sample points.
 
 use super::{Cell, NO_POINT, SamplePoints, Sampling};
-use crate::geometry::{Side, Surface, SurfaceId};
+use crate::geometry::{Round, Side, Surface, SurfaceId};
 use crate::scene::Geometry;
 use glam::{DVec3, Vec3};
 
@@ -17,7 +17,8 @@ pub fn divide_by_area(geometry: &Geometry, sampling: &Sampling) -> Vec<Element> 
         open.push((SurfaceId(s as u32), Cell::ROOT));
         let max_area = geometry.max_area_of(SurfaceId(s as u32), sampling);
         while let Some((id, cell)) = open.pop() {
-            let large = element_area(geometry, (id, cell)) > max_area;
+            let least = geometry.surface(id).round().map_or(0, |_| Round::LEAST_LEVEL);
+            let large = cell.level < least || element_area(geometry, (id, cell)) > max_area;
             if large && cell.level < sampling.max_level.min(Cell::MAX_LEVEL) {
                 open.extend((0..4).rev().map(|c| (id, cell.child(c))));
             } else {
@@ -30,6 +31,9 @@ pub fn divide_by_area(geometry: &Geometry, sampling: &Sampling) -> Vec<Element> 
 
 /// Area of an element, m².
 pub fn element_area(geometry: &Geometry, (id, cell): Element) -> f64 {
+    if let Some(round) = geometry.surface(id).round() {
+        return round.area() * 0.25f64.powi(i32::from(cell.level));
+    }
     let c = cell.corners(geometry.surface(id));
     0.5 * (c[2] - c[0]).cross(c[3] - c[1]).length()
 }
@@ -45,11 +49,15 @@ fn place_on_side(surface: &Surface, p: DVec3, side: Side) -> Vec3 {
         .iter()
         .map(|[a, b, c]| -sign * (*b - *a).cross(*c - *a).normalize_or_zero().dot(rounded.as_dvec3() - *a))
         .fold(0.0, f64::max);
+    let depth = match surface.round() {
+        Some(round) => (-sign * round.distance(rounded.as_dvec3())).max(0.0),
+        None => depth,
+    };
     if depth == 0.0 {
         return rounded;
     }
     let rounding = f64::from(f32::EPSILON) * p.abs().max_element();
-    (p + sign * (depth + rounding) * surface.normal).as_vec3()
+    (p + sign * (depth + rounding) * surface.normal_at(p)).as_vec3()
 }
 
 impl SamplePoints {
@@ -95,7 +103,8 @@ impl SamplePoints {
             let (id, cell) = draft.element;
             let surface = geometry.surface(id);
             let mut corners = cell.corners(surface).map(|c| c.as_vec3());
-            let mut normal = surface.normal.as_vec3();
+            let uv = cell.centre_uv(&surface.shape);
+            let mut normal = surface.normal_at(surface.point_at(uv.x, uv.y)).as_vec3();
             let mut twin = NO_POINT;
             match draft.side {
                 Side::Front => {
@@ -109,6 +118,9 @@ impl SamplePoints {
                         points.twin[other as usize] = i as u32;
                     }
                 }
+            }
+            if let Some(round) = surface.round() {
+                points.rounds.insert(id, round);
             }
             points.position.push(draft.position);
             points.normal.push(normal);

@@ -160,11 +160,34 @@ pub struct ObjectTable {
     pub quads: Vec<Spanned<[[f64; 3]; 4]>>,
     #[serde(default)]
     pub triangles: Vec<Spanned<[[f64; 3]; 3]>>,
+    #[serde(default)]
+    pub discs: Vec<Spanned<DiscTable>>,
+    #[serde(default)]
+    pub spheres: Vec<Spanned<SphereTable>>,
     pub obj: Option<Name>,
     pub scale: Option<Spanned<f64>>,
     pub translate: Option<Spanned<[f64; 3]>>,
     #[serde(default)]
     pub materials: BTreeMap<Name, Name>,
+}
+
+/// `discs = [{ ... }]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DiscTable {
+    pub centre: Spanned<[f64; 3]>,
+    pub normal: Spanned<[f64; 3]>,
+    pub radius: Spanned<f64>,
+}
+
+/// `spheres = [{ ... }]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SphereTable {
+    pub centre: Spanned<[f64; 3]>,
+    pub radius: Spanned<f64>,
+    #[serde(default)]
+    pub inward: bool,
 }
 
 /// `[[lights]]`.

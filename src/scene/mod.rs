@@ -84,9 +84,8 @@ pub struct Geometry {
 
 impl Geometry {
     /// Centres `shapes` (world coordinates, with `two_sided`, patch and object of each) and puts
-    /// their vertices on the `f32` lattice.
+    /// their vertices, centres and radii on the `f32` lattice.
     pub fn new(shapes: Vec<(crate::geometry::Shape, bool, u32, ObjectId)>, objects: Vec<String>) -> Self {
-        use crate::geometry::Shape;
         let bounds = shapes.iter().fold(Aabb::EMPTY, |b, (shape, ..)| b.union(Surface::new(*shape).bounds()));
         let centre = if shapes.is_empty() { DVec3::ZERO } else { bounds.centre() };
         let local = |p: DVec3| (p - centre).as_vec3().as_dvec3();
@@ -102,10 +101,7 @@ impl Geometry {
             lights: Vec::new(),
         };
         for (shape, two_sided, patch, object) in shapes {
-            geometry.surfaces.push(Surface::new(match shape {
-                Shape::Quad(v) => Shape::Quad(v.map(local)),
-                Shape::Triangle(v) => Shape::Triangle(v.map(local)),
-            }));
+            geometry.surfaces.push(Surface::new(shape.placed(local)));
             geometry.two_sided.push(two_sided);
             geometry.patch.push(patch);
             geometry.object.push(object);
@@ -139,6 +135,9 @@ impl Geometry {
         let mut hasher = blake3::Hasher::new();
         for (surface, two_sided) in self.surfaces.iter().zip(&self.two_sided) {
             hasher.update(&[surface.vertices().len() as u8, u8::from(*two_sided)]);
+            if let Some(round) = surface.round() {
+                hasher.update(&round.bytes());
+            }
             for v in surface.vertices() {
                 for x in v.to_array() {
                     hasher.update(&x.to_le_bytes());

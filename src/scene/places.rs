@@ -28,7 +28,7 @@ pub fn vector(sources: &Sources, at: &Spanned<[f64; 3]>, what: &str) -> Result<D
 }
 
 /// A direction, made unit.
-fn direction(sources: &Sources, at: &Spanned<[f64; 3]>, what: &str) -> Result<DVec3> {
+pub fn direction(sources: &Sources, at: &Spanned<[f64; 3]>, what: &str) -> Result<DVec3> {
     let error = || sources.error(at.span().start, format!("{what} is a direction and cannot be zero"));
     vector(sources, at, what)?.try_normalize().ok_or_else(error)
 }

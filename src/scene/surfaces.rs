@@ -1,10 +1,13 @@
-//! From quads, triangles and OBJ faces to the geometry of a scene.
+//! From quads, triangles, discs, spheres and OBJ faces to the geometry of a scene.
 
 use super::compile::{MAX_COORDINATE, MIN_RADIUS};
+use super::description::{DiscTable, SphereTable};
 use super::parts::{FacePlace, Part};
+use super::places::{direction, vector};
+use super::source::Sources;
 use super::{Geometry, ObjectId, SceneDescription};
 use crate::error::Result;
-use crate::geometry::{Aabb, QuadKind, Shape, classify_quad, is_triangle};
+use crate::geometry::{Aabb, Disc, QuadKind, Round, Shape, Sphere, Surface, classify_quad, is_triangle};
 use glam::DVec3;
 
 /// More surfaces than this are refused.
@@ -40,7 +43,8 @@ pub fn shape(
 ) -> Result<Shaped> {
     let faces = faces(description, parts)?;
     // Faces are judged as they will be stored: relative to the centre and on the f32 lattice.
-    let centre = Aabb::around(faces.iter().flat_map(|f| corners(&f.shape).iter().copied())).centre();
+    let bounds = faces.iter().fold(Aabb::EMPTY, |b, f| b.union(Surface::new(f.shape).bounds()));
+    let centre = bounds.centre();
     let stored = |p: DVec3| (p - centre).as_vec3().as_dvec3();
     let mut shapes = Vec::with_capacity(faces.len());
     let mut places = Vec::with_capacity(faces.len());
@@ -63,13 +67,12 @@ pub fn shape(
         }
     }
     if shapes.is_empty() {
-        let message = "there is no surface; add [[objects]] with quads, triangles or an obj file";
+        let message =
+            "there is no surface; add [[objects]] with quads, triangles, discs, spheres or an obj file";
         return Err(description.sources.error(0, message));
     }
     let mut geometry = Geometry::new(shapes, parts.iter().map(|p| p.name.clone()).collect());
-    if let Some(i) =
-        geometry.surfaces.iter().position(|s| s.area <= 0.0 || !s.area.is_finite() || s.normal == DVec3::ZERO)
-    {
+    if let Some(i) = geometry.surfaces.iter().position(|s| is_too_small(s, &geometry)) {
         let message = "this surface is too small next to the size of the scene";
         return Err(places[i].error(description, message));
     }
@@ -87,10 +90,31 @@ pub fn shape(
     Ok(Shaped { geometry, notes: notes(parts, &mended) })
 }
 
-fn corners(shape: &Shape) -> &[DVec3] {
-    match shape {
-        Shape::Quad(v) => v,
-        Shape::Triangle(v) => v,
+/// Whether the `f32` lattice leaves nothing of a surface: no area, or less of a disc or a sphere than points must be
+/// apart to face each other.
+fn is_too_small(surface: &Surface, geometry: &Geometry) -> bool {
+    let flat = surface.plane().is_some_and(|plane| plane.normal == DVec3::ZERO);
+    let lost = |round: Round| round.radius() < 16.0 * geometry.plane_tolerance();
+    surface.area <= 0.0 || !surface.area.is_finite() || flat || surface.round().is_some_and(lost)
+}
+
+/// A disc as written.
+fn disc(sources: &Sources, table: &DiscTable) -> Result<Shape> {
+    let centre = vector(sources, &table.centre, "the centre of a disc")?;
+    let normal = direction(sources, &table.normal, "the normal of a disc")?;
+    Ok(Shape::Disc(Disc { centre, normal, radius: radius(sources, &table.radius)? }))
+}
+
+/// A sphere as written.
+fn sphere(sources: &Sources, table: &SphereTable) -> Result<Shape> {
+    let centre = vector(sources, &table.centre, "the centre of a sphere")?;
+    Ok(Shape::Sphere(Sphere { centre, radius: radius(sources, &table.radius)?, inward: table.inward }))
+}
+
+fn radius(sources: &Sources, at: &toml::Spanned<f64>) -> Result<f64> {
+    match *at.get_ref() {
+        radius if radius > 0.0 && radius <= MAX_COORDINATE => Ok(radius),
+        _ => Err(sources.error(at.span().start, "a radius is a positive number of metres, at most 1e18")),
     }
 }
 
@@ -114,6 +138,14 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
                 let shape = Shape::Triangle(triangle.get_ref().map(DVec3::from_array));
                 faces.push(Face { shape, part: first, place: FacePlace::Toml(triangle.span().start) });
             }
+            for table in &table.discs {
+                let shape = disc(&description.sources, table.get_ref())?;
+                faces.push(Face { shape, part: first, place: FacePlace::Toml(table.span().start) });
+            }
+            for table in &table.spheres {
+                let shape = sphere(&description.sources, table.get_ref())?;
+                faces.push(Face { shape, part: first, place: FacePlace::Toml(table.span().start) });
+            }
             continue;
         };
         let scale = table.scale.as_ref().map_or(1.0, |s| *s.get_ref());
@@ -130,7 +162,15 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
         return Err(description.sources.error(0, message));
     }
     for face in &faces {
-        if !corners(&face.shape).iter().all(|p| p.abs().max_element() <= MAX_COORDINATE && p.is_finite()) {
+        let surface = Surface::new(face.shape);
+        let Aabb { min, max } = surface.round().map_or(Aabb::EMPTY, |round| round.bounds());
+        let ends = if surface.round().is_some() { &[min, max][..] } else { &[] };
+        if !surface
+            .vertices()
+            .iter()
+            .chain(ends)
+            .all(|p| p.abs().max_element() <= MAX_COORDINATE && p.is_finite())
+        {
             let message = "a corner is not finite or beyond 1e18 m; mend the coordinates";
             return Err(face.place.error(description, message));
         }
@@ -142,10 +182,11 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
 fn check_object(description: &SceneDescription, i: usize) -> Result<()> {
     let object = &description.document.objects[i];
     let (table, sources) = (object.get_ref(), &description.sources);
-    let drawn = !table.quads.is_empty() || !table.triangles.is_empty();
+    let flat = !table.quads.is_empty() || !table.triangles.is_empty();
+    let drawn = flat || !table.discs.is_empty() || !table.spheres.is_empty();
     if drawn == table.obj.is_some() {
         let message = format!(
-            "object \"{}\" needs `quads` and `triangles`, or else `obj`; give one or the other",
+            "object \"{}\" needs `quads`, `triangles`, `discs` and `spheres`, or else `obj`; give one or the other",
             table.name.get_ref()
         );
         return Err(sources.error(object.span().start, message));
@@ -197,6 +238,7 @@ fn pieces(shape: &Shape, stored: impl Fn(DVec3) -> DVec3) -> std::result::Result
     let [a, b, c, d] = match *shape {
         Shape::Triangle(t) => return Ok(vec![triangle(t)?]),
         Shape::Quad(quad) => quad,
+        Shape::Disc(_) | Shape::Sphere(_) => return Ok(vec![*shape]),
     };
     match classify_quad(&[a, b, c, d].map(&stored)) {
         QuadKind::Flat => Ok(vec![*shape]),

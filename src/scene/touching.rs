@@ -39,11 +39,18 @@ pub fn notes(geometry: &Geometry, appearance: &Appearance) -> Vec<String> {
 
 /// Whether two surfaces lie in one plane and their boxes share more than an edge.
 fn coincide(a: &Surface, b: &Surface, tolerance: f64) -> bool {
+    let (Some(own), Some(its)) = (a.plane(), b.plane()) else { return false };
     if !a.vertices().iter().all(|&p| b.distance(p).abs() <= tolerance) {
+        return false;
+    }
+    // A disc has no corners to tell.
+    if a.round().is_some()
+        && (b.distance(a.middle()).abs() > tolerance || own.normal.dot(its.normal).abs() < 1.0 - 1e-9)
+    {
         return false;
     }
     let (a_box, b_box) = (a.bounds(), b.bounds());
     let shared = a_box.max.min(b_box.max) - a_box.min.max(b_box.min);
-    let flat = a.normal.abs().max_position();
+    let flat = own.normal.abs().max_position();
     (0..3).all(|axis| axis == flat || shared[axis] > tolerance)
 }

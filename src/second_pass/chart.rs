@@ -1,11 +1,13 @@
 //! From a place on a surface back to its (u, v).
 
-use crate::geometry::{Shape, Surface};
+use crate::geometry::{Round, Shape, Surface};
 use glam::{DVec2, DVec3};
 
-/// A surface's plane with two axes, ready to invert [`Surface::point_at`].
+/// A surface's plane with two axes, ready to invert [`Surface::point_at`]. For a disc or a sphere the plane is that of its
+/// parameters, as large as the surface: cells are squares in it, and what is linear along their edges meets on both sides.
 #[derive(Clone, Copy, Debug)]
 pub struct Chart {
+    round: Option<(Round, f64)>,
     origin: DVec3,
     x: DVec3,
     y: DVec3,
@@ -21,12 +23,27 @@ pub struct Chart {
 impl Chart {
     /// The chart of `surface`; its first axis runs along v0 v1.
     pub fn new(surface: &Surface) -> Self {
+        if let Some(round) = surface.round() {
+            let [origin, x, y] = [DVec3::ZERO; 3];
+            let [e, f, g] = [DVec2::ZERO; 3];
+            return Chart {
+                round: Some((round, round.area().sqrt())),
+                origin,
+                x,
+                y,
+                e,
+                f,
+                g,
+                triangle: false,
+            };
+        }
         let v = surface.vertices();
         let x = (v[1] - v[0]).normalize_or_zero();
         let mut chart = Chart {
+            round: None,
             origin: v[0],
             x,
-            y: surface.normal.cross(x),
+            y: surface.normal_at(v[0]).cross(x),
             e: DVec2::ZERO,
             f: DVec2::ZERO,
             g: DVec2::ZERO,
@@ -43,8 +60,35 @@ impl Chart {
     /// `p` in the plane, relative to v0, m.
     #[inline]
     pub fn plane(&self, p: DVec3) -> DVec2 {
+        if let Some((round, width)) = &self.round {
+            return *width * round.uv_of(p);
+        }
         let d = p - self.origin;
         DVec2::new(self.x.dot(d), self.y.dot(d))
+    }
+
+    /// `p` in the plane, where the plane folds onto itself the place nearest to `towards`, m.
+    pub fn plane_near(&self, p: DVec3, towards: DVec2) -> DVec2 {
+        let at = self.plane(p);
+        let Some((Round::Sphere(_), width)) = self.round else { return at };
+        let on_border = |x: f64| (0.5 * width - (x - 0.5 * width).abs()) < 1e-6 * width;
+        let (across, along) = (DVec2::new(width - at.x, at.y), DVec2::new(at.x, width - at.y));
+        let mut nearest = at;
+        let mut try_place = |place: DVec2| {
+            if place.distance_squared(towards) < nearest.distance_squared(towards) {
+                nearest = place;
+            }
+        };
+        if on_border(at.x) {
+            try_place(along);
+        }
+        if on_border(at.y) {
+            try_place(across);
+        }
+        if on_border(at.x) && on_border(at.y) {
+            try_place(DVec2::splat(width) - at);
+        }
+        nearest
     }
 
     /// (u, v) of the place in the plane `h`, brought into the surface.
@@ -54,6 +98,9 @@ impl Chart {
     /// the Jacobian and so positive: that root is taken, in the form that does not cancel.
     #[inline]
     pub fn uv(&self, h: DVec2) -> DVec2 {
+        if let Some((_, width)) = self.round {
+            return DVec2::new(clamp_unit(h.x / width), clamp_unit(h.y / width));
+        }
         let (e, f, g) = (self.e, self.f, self.g);
         if self.triangle {
             let det = e.perp_dot(f);

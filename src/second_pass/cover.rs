@@ -79,10 +79,12 @@ pub(super) fn covered(
 /// Rays from just above a point into its hemisphere, density cos θ / π.
 fn rays(geometry: &Geometry, points: &SamplePoints, point: usize) -> [Ray; DIRECTIONS] {
     let surface = geometry.surface(points.surface[point]);
-    let n = if points.side[point] == Side::Front { surface.normal } else { -surface.normal };
-    let (x, y) = n.any_orthonormal_pair();
     let uv = points.cell[point].centre_uv(&surface.shape);
-    let origin = surface.point_at(uv.x, uv.y) + ray_offset(geometry, points.surface[point]) * n;
+    let centre = surface.point_at(uv.x, uv.y);
+    let normal = surface.normal_at(centre);
+    let n = if points.side[point] == Side::Front { normal } else { -normal };
+    let (x, y) = n.any_orthonormal_pair();
+    let origin = centre + ray_offset(geometry, points.surface[point]) * n;
     std::array::from_fn(|k| {
         // A spiral of equal shares that turns by the golden angle.
         let sin2 = (k as f64 + 0.5) / DIRECTIONS as f64;

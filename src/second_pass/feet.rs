@@ -46,10 +46,16 @@ impl Feet {
         charts: &[Chart],
         centre: &[DVec3],
     ) -> Self {
-        let ground = |element: usize| Ground::new(geometry, points, element);
+        // What is curved has no plane to find feet in, and the parameters of a disc keep no straight lines.
+        let ground = |element: usize| {
+            let polygon = geometry.surface(points.surface[element]).round().is_none();
+            polygon.then(|| Ground::new(geometry, points, element))
+        };
         let blockers: Vec<Vec<u32>> = (0..points.len())
             .into_par_iter()
-            .map(|element| ground(element).blockers(tracer, lattice, centre, element))
+            .map(|element| {
+                ground(element).map_or(Vec::new(), |g| g.blockers(tracer, lattice, centre, element))
+            })
             .collect();
         let mut found = Feet { starts: vec![0], feet: Vec::new() };
         for element in 0..points.len() {
@@ -60,7 +66,9 @@ impl Feet {
             surfaces.dedup();
             let ground = ground(element);
             let chart = &charts[points.surface[element].index()];
-            found.feet.extend(surfaces.into_iter().filter_map(|s| ground.foot(SurfaceId(s), chart)));
+            let feet =
+                ground.iter().flat_map(|g| surfaces.iter().filter_map(|&s| g.foot(SurfaceId(s), chart)));
+            found.feet.extend(feet);
             found.starts.push(found.feet.len() as u32);
         }
         found
@@ -84,7 +92,7 @@ struct Ground<'a> {
 impl<'a> Ground<'a> {
     fn new(geometry: &'a Geometry, points: &SamplePoints, element: usize) -> Self {
         let surface = points.surface[element];
-        let normal = geometry.surface(surface).normal;
+        let normal = geometry.surface(surface).normal_at(DVec3::ZERO);
         Ground {
             geometry,
             surface,
@@ -135,7 +143,7 @@ impl<'a> Ground<'a> {
     fn foot(&self, surface: SurfaceId, chart: &Chart) -> Option<Foot> {
         let own = self.geometry.surface(self.surface);
         let vertices = self.geometry.surface(surface).vertices();
-        let above = |v: DVec3| own.distance(v) * own.normal.dot(self.up) - self.height;
+        let above = |v: DVec3| own.distance(v) * own.normal_at(v).dot(self.up) - self.height;
         let mut ends = (0..vertices.len()).filter_map(|k| {
             let (a, b) = (vertices[k], vertices[(k + 1) % vertices.len()]);
             let (high, low) = (above(a), above(b));

@@ -92,10 +92,11 @@ impl Interpolator {
                 centre: position,
             });
             for &node in lattice.border.of(i) {
-                border_at.push((chart.plane(lattice.position[node as usize]) - centre).as_vec2().to_array());
+                let at = chart.plane_near(lattice.position[node as usize], centre);
+                border_at.push((at - centre).as_vec2().to_array());
             }
             centres.push(position);
-            normals.push(surface.normal);
+            normals.push(surface.normal_at(position));
         }
         keyed.sort_unstable();
         let mut sheet_starts = vec![0u32; 2 * geometry.surfaces.len() + 1];

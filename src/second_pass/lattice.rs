@@ -125,7 +125,7 @@ impl Lattice {
         let mut regular = Vec::with_capacity(n);
         for i in 0..n {
             let (surface, side) = owner(i);
-            let sides = geometry.surfaces[surface].vertices().len();
+            let sides = if matches!(geometry.surfaces[surface].shape, Shape::Triangle(_)) { 3 } else { 4 };
             let mut even = sides == 4;
             for k in 0..sides {
                 let mut edge = vec![(corners[i][k], places[i][k])];
@@ -223,6 +223,8 @@ impl Builder<'_> {
             _ => Key::Edge(b, a, UNIT - steps),
         };
         match (&self.geometry.surfaces[surface].shape, place) {
+            (Shape::Disc(_), _) => Key::Inside(sheet(surface, side) as u32, place),
+            (Shape::Sphere(_), _) => Key::Inside(sheet(surface, side) as u32, folded(place)),
             (_, [i, 0]) => edge(v[0], v[1], i),
             (Shape::Quad(_), [UNIT, j]) => edge(v[1], v[2], j),
             (Shape::Quad(_), [i, UNIT]) => edge(v[3], v[2], i),
@@ -231,6 +233,18 @@ impl Builder<'_> {
             (Shape::Triangle(_), [i, j]) if i + j == UNIT => edge(v[1], v[2], j),
             _ => Key::Inside(sheet(surface, side) as u32, place),
         }
+    }
+}
+
+/// The one of several places of a sphere's square that are one place in space: each edge of the border folds onto itself about its
+/// middle, and so all four corners are one pole.
+fn folded([i, j]: Place) -> Place {
+    let ends = |x: u32| x == 0 || x == UNIT;
+    match (ends(i), ends(j)) {
+        (true, true) => [0, 0],
+        (true, false) => [i, j.min(UNIT - j)],
+        (false, true) => [i.min(UNIT - i), j],
+        (false, false) => [i, j],
     }
 }
 

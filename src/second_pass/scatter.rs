@@ -101,9 +101,10 @@ impl<'a> Scatterer<'a> {
     ) {
         let surface = self.geometry.surface(hit.surface);
         let material = self.appearance.of(hit.surface);
-        let n = if hit.side == Side::Front { surface.normal } else { -surface.normal };
         let met = ray.at(hit.t);
-        let position = met - surface.distance(met) * surface.normal;
+        let normal = surface.normal_at(met);
+        let n = if hit.side == Side::Front { normal } else { -normal };
+        let position = met - surface.distance(met) * normal;
         self.absorb(material, hit.side, &path, position, throughput);
 
         let glass = material.transmission.is_some();

@@ -56,7 +56,5 @@ impl Wave {
 /// How far above a surface rays must start so as not to meet it again: a few steps of the f32
 /// lattice, and what a quad that is not quite flat strays from its plane, m.
 pub fn ray_offset(geometry: &Geometry, surface: SurfaceId) -> f64 {
-    let surface = geometry.surface(surface);
-    let warp = surface.vertices().iter().map(|v| surface.distance(*v).abs()).fold(0.0, f64::max);
-    4.0 * geometry.plane_tolerance() + warp
+    4.0 * geometry.plane_tolerance() + geometry.surface(surface).warp()
 }

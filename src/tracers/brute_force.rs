@@ -2,7 +2,7 @@
 
 use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
-use crate::geometry::{Hit, Ray, Side, Surface, SurfaceId};
+use crate::geometry::{Hit, Ray, Shape, Side, Surface, SurfaceId};
 use crate::scene::Geometry;
 use glam::DVec3;
 
@@ -40,13 +40,24 @@ pub fn intersect_surface(ray: &Ray, surface: &Surface) -> Option<f64> {
 }
 
 fn cross_surface(ray: &Ray, frame: &RayFrame, surface: &Surface) -> Option<f64> {
+    if let Some(round) = surface.round() {
+        return round.intersect(ray);
+    }
     let (triangles, count) = surface.triangles();
     triangles[..count].iter().filter_map(|t| cross_triangle(ray, frame, t)).min_by(f64::total_cmp)
 }
 
-/// The side of `surface` that a ray along `direction` meets.
-pub fn side_met(surface: &Surface, direction: DVec3) -> Side {
-    if surface.normal.dot(direction) <= 0.0 { Side::Front } else { Side::Back }
+/// The side of `surface` that `ray` meets at `t`.
+pub fn side_met(surface: &Surface, ray: &Ray, t: f64) -> Side {
+    let against = match (surface.plane(), surface.shape) {
+        (Some(plane), _) => plane.normal.dot(ray.direction),
+        (None, Shape::Sphere(sphere)) => {
+            let outwards = (ray.at(t) - sphere.centre).dot(ray.direction);
+            if sphere.inward { -outwards } else { outwards }
+        }
+        (None, _) => 0.0,
+    };
+    if against <= 0.0 { Side::Front } else { Side::Back }
 }
 
 /// The ray along a segment, with the segment's margins as limits.
@@ -68,7 +79,7 @@ impl RayTracer for BruteForce<'_> {
         for (i, surface) in self.surfaces.iter().enumerate() {
             if let Some(t) = cross_surface(&limited, &frame, surface) {
                 limited.t_max = t;
-                let side = side_met(surface, ray.direction);
+                let side = side_met(surface, ray, t);
                 best = Some(Hit { surface: SurfaceId(i as u32), t, side });
             }
         }

@@ -6,6 +6,8 @@
 //! Geometric Predicates*, 1997). The crossing lies between the margins if d has opposite signs at
 //! A + m (B - A) and B - m (B - A): evaluated in `f64`, whose rounding is far below the band.
 //!
+//! Discs and spheres are judged in `judge_round`, with the same bands.
+//!
 //! **The band.** A tracer that works in `f32` cannot be held to a decision that hangs on a few units in the
 //! last place (`f32`) of the largest coordinate involved: less than [`END_ULPS`] for the distance of either
 //! shortened end from the plane, and less than [`EDGE_ULPS`] for the distance between the line and the line of an
@@ -17,7 +19,7 @@
 //! Along a ray that goes on, the first surface met may differ where it grazes one, and where two surfaces are met at
 //! places that differ by less than the band across either plane: see [`judge_closest`].
 
-use super::Segment;
+use super::{Segment, judge_round};
 use crate::geometry::{Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
 use glam::DVec3;
@@ -150,7 +152,10 @@ pub fn judge_closest(geometry: &Geometry, ray: &Ray) -> Closest {
             Crossing::Misses => {}
             Crossing::Crosses { t, earliest } => {
                 // Oblique surfaces blur the order of hits: the band is across the plane, not along the ray.
-                let blur = band / surface.normal.dot(direction).abs();
+                let blur = match surface.round() {
+                    Some(round) => judge_round::blur(&round, ray.origin, end, t, band),
+                    None => band / surface.normal_at(ray.origin).dot(direction).abs(),
+                };
                 certain.push((id, earliest - blur, t + blur));
             }
             Crossing::Grazes { .. } => {
@@ -177,6 +182,9 @@ pub fn crossing(surface: &Surface, from: DVec3, to: DVec3, t_min: f64, t_max: f6
     if enter > leave {
         return Crossing::Misses;
     }
+    if let Some(round) = surface.round() {
+        return judge_round::crossing(&round, from, to, [t_min, t_max], largest);
+    }
     let (triangles, count) = surface.triangles();
     let first = cross_triangle(&triangles[0], from, to, [t_min, t_max], largest);
     if count == 1 {
@@ -186,7 +194,7 @@ pub fn crossing(surface: &Surface, from: DVec3, to: DVec3, t_min: f64, t_max: f6
 }
 
 /// So many units in the last place of a coordinate, m.
-fn ulps(count: f64, coordinate: f64) -> f64 {
+pub(super) fn ulps(count: f64, coordinate: f64) -> f64 {
     count * f64::from(f32::EPSILON) * coordinate
 }
 

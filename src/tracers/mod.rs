@@ -1,6 +1,7 @@
 //! Ray tracing: one small seam, several implementations.
 //!
-//! All tracers see the same surfaces (vertices on the `f32` lattice, quads as Embree splits them)
+//! All tracers see the same surfaces (vertices on the `f32` lattice, quads as Embree splits them, discs and spheres as
+//! they are)
 //! and must agree but for rays that graze within rounding: [`judge`] says which those are.
 
 pub mod brute_force;
@@ -9,6 +10,7 @@ pub mod crosscheck;
 pub mod edges;
 pub mod embree;
 pub mod judge;
+mod judge_round;
 pub mod voxel;
 
 pub use choose::{TracerChoice, choose};

@@ -6,7 +6,7 @@
 use super::brute_force::{segment_ray, side_met};
 use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
-use crate::geometry::{Hit, Ray, Surface, SurfaceId};
+use crate::geometry::{Hit, Plane, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::voxels::{MAX_LEVEL, VoxelSettings, Voxels, Walk};
 use glam::DVec3;
@@ -31,6 +31,8 @@ struct Facet {
     /// stored as v0 v1 (v0) v2.
     corners: [DVec3; 4],
     is_triangle: bool,
+    /// No polygon: the surface itself is asked.
+    is_round: bool,
 }
 
 /// Surfaces already tried by one ray: a surface often meets several voxels on the way. Places are
@@ -59,13 +61,15 @@ impl Facet {
         let (triangles, count) = surface.triangles();
         let [a, b, d] = triangles[0];
         let c = if count == 2 { triangles[1][0] } else { a };
-        let bend = surface.vertices().iter().map(|&v| surface.distance(v).abs()).fold(0.0, f64::max);
+        // Nothing keeps to one side of a plane without normal.
+        let plane = surface.plane().unwrap_or(Plane { normal: DVec3::ZERO, offset: 0.0 });
         Facet {
-            normal: surface.normal,
-            offset: surface.offset,
-            slack: bend + 1e-9 * radius,
+            normal: plane.normal,
+            offset: plane.offset,
+            slack: surface.warp() + 1e-9 * radius,
             corners: [a, b, c, d],
             is_triangle: count == 1,
+            is_round: count == 0,
         }
     }
 
@@ -121,6 +125,16 @@ impl VoxelTracer {
         VoxelSettings { max_objects: 3, max_level: level.min(MAX_LEVEL) }
     }
 
+    /// Where `ray`, whose frame this is, meets surface `id` first.
+    #[inline]
+    fn meet(&self, id: SurfaceId, ray: &Ray, frame: &RayFrame) -> Option<f64> {
+        let facet = &self.facets[id.index()];
+        if facet.is_round {
+            return self.surfaces[id.index()].round()?.intersect(ray);
+        }
+        facet.intersect(ray, frame)
+    }
+
     /// The voxels it steps through.
     pub fn voxels(&self) -> &Voxels {
         &self.voxels
@@ -143,7 +157,7 @@ impl RayTracer for VoxelTracer {
                 if !mailbox.post(id) || facet.keeps_off(ray, limits) {
                     continue;
                 }
-                if let Some(t) = facet.intersect(ray, &frame) {
+                if let Some(t) = self.meet(id, ray, &frame) {
                     // Of surfaces met at once the first counts, in whatever order they are tried.
                     if best.is_none_or(|(s, other)| t < s || t == s && id < other) {
                         best = Some((t, id));
@@ -156,7 +170,7 @@ impl RayTracer for VoxelTracer {
             }
         }
         best.map(|(t, surface)| {
-            let side = side_met(&self.surfaces[surface.index()], ray.direction);
+            let side = side_met(&self.surfaces[surface.index()], ray, t);
             Hit { surface, t, side }
         })
     }
@@ -169,9 +183,7 @@ impl RayTracer for VoxelTracer {
         for step in walk {
             for &id in self.voxels.surfaces_of(step.voxel) {
                 let facet = &self.facets[id.index()];
-                if mailbox.post(id)
-                    && !facet.keeps_off(&ray, limits)
-                    && facet.intersect(&ray, &frame).is_some()
+                if mailbox.post(id) && !facet.keeps_off(&ray, limits) && self.meet(id, &ray, &frame).is_some()
                 {
                     return Some(id);
                 }

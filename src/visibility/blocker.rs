@@ -1,4 +1,5 @@
-//! A surface as something that blocks: certain answers without a ray.
+//! A surface as something that blocks: certain answers without a ray. They are about polygons; a disc or a sphere is
+//! kept away by its box alone, and what it may block is left to the ray tracer.
 //!
 //! For a point p let d(p) be its signed distance from the surface's plane and e_k(p) that from the
 //! plane through edge k at right angles to it, positive inside. The segment a-b crosses the plane
@@ -17,7 +18,7 @@
 //! divided by the segment's length it is no more than the distance of the two lines in space,
 //! which is what rounding in a ray tracer disturbs. Only what lies outside [`Bands`] is certain.
 
-use crate::geometry::{Aabb, Surface};
+use crate::geometry::{Aabb, Plane, Round, Surface};
 use crate::scene::Geometry;
 use glam::DVec3;
 
@@ -69,7 +70,7 @@ pub(super) const HIDDEN: u64 = 1;
 /// Bit of a pair's state: something passes too close to call.
 pub(super) const UNSURE: u64 = 2;
 
-/// A convex planar surface, ready to be tested.
+/// A surface, ready to be tested.
 #[derive(Clone, Debug)]
 pub(super) struct Blocker {
     normal: DVec3,
@@ -78,6 +79,8 @@ pub(super) struct Blocker {
     edges: [(DVec3, f64); 4],
     vertices: [DVec3; 4],
     bounds: Aabb,
+    /// No polygon: all that is known of it is its box and what [`Round`] says.
+    round: Option<Round>,
     /// `bands` widened by what the vertices are out of plane.
     bands: Bands,
 }
@@ -85,13 +88,25 @@ pub(super) struct Blocker {
 impl Blocker {
     /// Prepares `surface`.
     pub fn new(surface: &Surface, bands: &Bands) -> Self {
+        if let Some(round) = surface.round() {
+            return Blocker {
+                normal: DVec3::ZERO,
+                offset: 0.0,
+                edges: [(DVec3::ZERO, 0.0); 4],
+                vertices: [round.centre(); 4],
+                bounds: round.bounds(),
+                round: Some(round),
+                bands: *bands,
+            };
+        }
         let v = surface.vertices();
         let n = v.len();
-        let warp = v.iter().map(|&p| surface.distance(p).abs()).fold(0.0, f64::max);
+        let (plane, warp) =
+            (surface.plane().unwrap_or(Plane { normal: DVec3::ZERO, offset: 0.0 }), surface.warp());
         let mut edges = [(DVec3::ZERO, 0.0); 4];
         let mut used = 0;
         for k in 0..n {
-            let inward = surface.normal.cross(v[(k + 1) % n] - v[k]).normalize_or_zero();
+            let inward = plane.normal.cross(v[(k + 1) % n] - v[k]).normalize_or_zero();
             // An edge without length bounds nothing.
             if inward != DVec3::ZERO {
                 let offset = inward.dot(v[k]).min(inward.dot(v[(k + 1) % n]));
@@ -103,13 +118,19 @@ impl Blocker {
             edges[k] = edges[used.saturating_sub(1)];
         }
         Blocker {
-            normal: surface.normal,
-            offset: surface.offset,
+            normal: plane.normal,
+            offset: plane.offset,
             edges,
             vertices: std::array::from_fn(|k| v[k.min(n - 1)]),
             bounds: surface.bounds(),
+            round: None,
             bands: Bands { apart: bands.apart + warp, slack: bands.slack + warp, near: bands.near + warp },
         }
+    }
+
+    /// The disc or sphere that it is, if it is no polygon.
+    pub fn round(&self) -> Option<&Round> {
+        self.round.as_ref()
     }
 
     /// The box around it.
@@ -137,6 +158,9 @@ impl Blocker {
     /// Whether it can block anything between the boxes `a` and `b`: its plane has something of
     /// both on different sides, and no edge has both outside.
     pub fn may_separate(&self, a: &Aabb, b: &Aabb) -> bool {
+        if let Some(round) = &self.round {
+            return !round.encloses_box(a) || !round.encloses_box(b);
+        }
         let range = |direction: DVec3, offset: f64, of: &Aabb| {
             let (middle, half) = (direction.dot(of.centre()) - offset, 0.5 * direction.abs().dot(of.size()));
             (middle - half, middle + half)
@@ -151,6 +175,10 @@ impl Blocker {
     /// What it does to all segments from the hull of `a` to that of `b`, none of which is longer
     /// than `length`.
     pub fn judge(&self, a: &[DVec3; 4], b: &[DVec3; 4], length: f64) -> Verdict {
+        if let Some(round) = &self.round {
+            let enclosed = a.iter().chain(b).all(|&p| round.encloses(p));
+            return if enclosed { Verdict::Clear } else { Verdict::Open };
+        }
         let Bands { apart, slack, near } = self.bands;
         let d = |p: &DVec3| self.normal.dot(*p) - self.offset;
         let (da, db) = (a.each_ref().map(d), b.each_ref().map(d));

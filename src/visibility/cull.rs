@@ -103,6 +103,11 @@ impl BlockerTree {
     }
 }
 
+/// Whether a box may meet something between two others.
+pub(super) fn meets_shaft(of: &Aabb, a: &Aabb, b: &Aabb, slack: f64) -> bool {
+    BoxShaft::new(a, b).meets(of, slack)
+}
+
 /// The hull of two boxes, as far as boxes and three separating axes see it: the axes at right
 /// angles to the line of centres and to a coordinate axis.
 struct BoxShaft {
@@ -153,6 +158,10 @@ pub(super) fn misses_shaft(blocker: &Blocker, a: &[DVec3; 4], b: &[DVec3; 4], hu
     let (bounds, slack3) = (blocker.bounds(), DVec3::splat(slack));
     if bounds.min.cmpgt(hull.max + slack3).any() || bounds.max.cmplt(hull.min - slack3).any() {
         return true;
+    }
+    if blocker.round().is_some() {
+        let around = |hull: &[DVec3; 4]| Aabb::around(hull.iter().copied());
+        return !BoxShaft::new(&around(a), &around(b)).meets(bounds, slack);
     }
     let v = blocker.vertices();
     let along = b.iter().sum::<DVec3>() - a.iter().sum::<DVec3>();

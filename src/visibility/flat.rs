@@ -30,7 +30,8 @@ pub(super) fn lies_under(build: &Build, surfaces: &[Surface], two_sided: &[bool]
             let p = points.position[i].as_dvec3();
             near.iter().any(|&other| {
                 let (below, above) = (&surfaces[own.index()], &surfaces[other as usize]);
-                let cosine = below.normal.dot(above.normal);
+                let (Some(own_plane), Some(its_plane)) = (below.plane(), above.plane()) else { return false };
+                let cosine = own_plane.normal.dot(its_plane.normal);
                 if other == own.0
                     || cosine.abs() < 1.0 - PARALLEL
                     || above.distance(p).abs() > build.bands.apart
@@ -57,6 +58,9 @@ pub(super) fn lies_under(build: &Build, surfaces: &[Surface], two_sided: &[bool]
 fn height(below: &Surface, above: &Surface, sign: f64) -> f64 {
     let mean = |of: &Surface, from: &Surface| {
         let v = of.vertices();
+        if v.is_empty() {
+            return from.distance(of.middle());
+        }
         v.iter().map(|&p| from.distance(p)).sum::<f64>() / v.len() as f64
     };
     mean(above, below) - sign * mean(below, above)
@@ -64,11 +68,15 @@ fn height(below: &Surface, above: &Surface, sign: f64) -> f64 {
 
 /// Whether the foot of the perpendicular from `p` lies on the surface.
 fn holds(surface: &Surface, p: DVec3) -> bool {
+    if let Some(round) = surface.round() {
+        return surface.is_planar() && p.distance(round.centre()) <= round.radius();
+    }
     let (triangles, count) = surface.triangles();
+    let normal = surface.normal_at(p);
     triangles[..count].iter().any(|t| {
         (0..3).all(|k| {
             let (a, b) = (t[k], t[(k + 1) % 3]);
-            (b - a).cross(p - a).dot(surface.normal) >= 0.0
+            (b - a).cross(p - a).dot(normal) >= 0.0
         })
     })
 }

@@ -14,6 +14,7 @@ mod graph;
 mod lights;
 mod pairs;
 mod patch;
+mod round;
 mod stats;
 mod tile;
 mod transpose;

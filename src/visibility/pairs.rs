@@ -49,8 +49,12 @@ impl PairWork<'_> {
                 return;
             }
         }
+        let tile = self.tile.candidates.clone();
+        let round = self.open[tile].iter().any(|&c| self.build.blockers[c as usize].round().is_some());
         for k in 0..self.states.len() {
             match self.states[k] {
+                // Past the polygons, but a disc or a sphere may be in the way.
+                0 if round => self.push(k),
                 0 => {
                     self.result.stats.direct += 1;
                     self.see(k);
@@ -99,7 +103,8 @@ impl PairWork<'_> {
 
     /// Tests all pairs of the tile against surface `c`; returns how many it is the first to hide.
     fn mark(&mut self, c: u32) -> u64 {
-        let Some(blocker) = self.build.blockers.get(c as usize) else { return 0 };
+        let polygon = self.build.blockers.get(c as usize).filter(|blocker| blocker.round().is_none());
+        let Some(blocker) = polygon else { return 0 };
         let Tile { rows, columns, length, .. } = self.tile.clone();
         let width = columns.len();
         blocker.profile(&self.to.position[columns], &mut self.profile);
@@ -129,7 +134,13 @@ impl PairWork<'_> {
     /// Leaves pair `k` of the tile to the tracer.
     fn push(&mut self, k: usize) {
         let (i, j) = self.pair(k);
-        self.segments.push(self.segment(k));
+        self.push_points(i, j);
+    }
+
+    /// Leaves points `i` and `j` to the tracer.
+    pub fn push_points(&mut self, i: usize, j: usize) {
+        let position = &self.build.points.position;
+        self.segments.push(Segment { from: position[i], to: position[j] });
         self.targets.push([i as u32, j as u32]);
         if self.segments.len() >= BATCH {
             self.cast();

@@ -1,6 +1,6 @@
 //! Patches: runs of sample points of one side of one surface in one voxel.
 
-use crate::geometry::SurfaceId;
+use crate::geometry::{Plane, SurfaceId};
 use crate::points::SamplePoints;
 use crate::points::facing::SidePlane;
 use crate::scene::Geometry;
@@ -20,6 +20,8 @@ pub(super) struct Patch {
     pub surface: SurfaceId,
     /// The plane of the side they lie on.
     pub plane: SidePlane,
+    /// Whether there is no such plane.
+    pub curved: bool,
     /// A point of the plane and two unit directions in it, the first along the first edge.
     frame: [DVec3; 3],
 }
@@ -51,13 +53,18 @@ impl Patch {
     fn new(geometry: &Geometry, points: &SamplePoints, run: Range<usize>) -> Patch {
         let (id, side) = (points.surface[run.start], points.side[run.start]);
         let surface = geometry.surface(id);
-        let vertices = surface.vertices();
-        let along = vertices[1] - vertices[0];
-        let u = (along - along.dot(surface.normal) * surface.normal)
+        let Some(Plane { normal, offset }) = surface.plane() else {
+            // Nothing is in front of a plane without normal.
+            let plane = SidePlane { normal: DVec3::ZERO, offset: 0.0 };
+            return Patch { points: run, surface: id, plane, curved: true, frame: [DVec3::ZERO; 3] };
+        };
+        let along = if let &[a, b, ..] = surface.vertices() { b - a } else { DVec3::ZERO };
+        let u = (along - along.dot(normal) * normal)
             .try_normalize()
-            .unwrap_or_else(|| surface.normal.any_orthonormal_vector());
-        let frame = [surface.normal * surface.offset, u, surface.normal.cross(u)];
-        Patch { points: run, surface: id, plane: SidePlane::new(geometry, id, side), frame }
+            .unwrap_or_else(|| normal.any_orthonormal_vector());
+        let frame = [normal * offset, u, normal.cross(u)];
+        let plane = SidePlane::new(geometry, id, side).unwrap_or(SidePlane { normal, offset });
+        Patch { points: run, surface: id, plane, curved: false, frame }
     }
 
     /// The corners of the smallest rectangle along the first edge that holds `positions`, which

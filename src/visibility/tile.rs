@@ -156,6 +156,9 @@ impl<'a> PairWork<'a> {
             a.points.len() * b.points.len()
         } as u64;
         self.result.stats.pairs += all;
+        if a.curved || b.curved {
+            return self.curved_patches(a, b);
+        }
         if a.surface == b.surface {
             self.result.stats.same_surface += all;
             return;
@@ -174,8 +177,11 @@ impl<'a> PairWork<'a> {
         let build = self.build;
         // A surface cannot hide what is in front of it, nor block from behind what faces away.
         let in_front = |c: u32, of: &Patch| {
-            let vertices = build.blockers[c as usize].vertices();
-            c != of.surface.0 && vertices.iter().any(|v| of.plane.height(*v) > build.bands.apart)
+            let blocker = &build.blockers[c as usize];
+            let vertices = blocker.vertices();
+            c != of.surface.0
+                && (blocker.round().is_some()
+                    || vertices.iter().any(|v| of.plane.height(*v) > build.bands.apart))
         };
         for k in 0..between {
             let c = self.open[k];

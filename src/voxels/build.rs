@@ -1,6 +1,6 @@
 //! Recursive halving of the scene's box.
 
-use super::overlap::triangle_meets_box;
+use super::overlap::{round_meets_box, triangle_meets_box};
 use super::{MAX_LEVEL, PADDING, VoxelSettings, Voxels};
 use crate::geometry::{Aabb, SurfaceId};
 use crate::scene::Geometry;
@@ -101,6 +101,9 @@ impl Frame {
     fn meets(&self, geometry: &Geometry, surface: u32, voxel: &Aabb) -> bool {
         let (triangles, count) = geometry.surfaces[surface as usize].triangles();
         let half = 0.5 * voxel.size() + self.pad;
+        if let Some(round) = geometry.surfaces[surface as usize].round() {
+            return round_meets_box(&round, voxel.centre(), half);
+        }
         triangles[..count].iter().any(|t| triangle_meets_box(t, voxel.centre(), half))
     }
 }

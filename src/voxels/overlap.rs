@@ -1,5 +1,6 @@
-//! Whether a triangle meets a box, by separating axes.
+//! Whether a triangle meets a box, by separating axes, or a disc or a sphere does.
 
+use crate::geometry::Round;
 use glam::DVec3;
 
 /// Whether `triangle` meets the box of centre `centre` and half edges `half`, touching included.
@@ -20,6 +21,27 @@ pub(super) fn triangle_meets_box(triangle: &[DVec3; 3], centre: DVec3, half: DVe
         && !edges.iter().any(|e| DVec3::AXES.into_iter().any(|axis| apart(axis.cross(*e))))
 }
 
+/// Whether `round` may meet the box: never false where it does. For a sphere the answer is exact; a box near the rim
+/// of a disc may be taken to meet it.
+pub(super) fn round_meets_box(round: &Round, centre: DVec3, half: DVec3) -> bool {
+    let offset = (round.centre() - centre).abs();
+    let nearest = (offset - half).max(DVec3::ZERO).length();
+    match round {
+        Round::Sphere(sphere) => {
+            let furthest = (offset + half).length();
+            // The box is padded by far more than these sums are rounded by.
+            nearest <= sphere.radius && furthest >= sphere.radius
+        }
+        Round::Disc(disc) => {
+            let bounds = round.bounds();
+            nearest <= disc.radius
+                && disc.normal.dot(disc.centre - centre).abs() <= disc.normal.abs().dot(half)
+                && bounds.min.cmple(centre + half).all()
+                && bounds.max.cmpge(centre - half).all()
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -37,6 +59,40 @@ mod tests {
         // Past the box's vertical edge at (1, 1): the axis is z x edge. The boxes overlap.
         let wall = |d: f64| [[d, 0.0, -5.0], [0.0, d, -5.0], [0.5 * d, 0.5 * d, 5.0]];
         assert!(meets(wall(1.9)) && !meets(wall(2.1)), "an edge by an edge");
+    }
+
+    #[test]
+    fn round_surfaces_meet_the_boxes_that_hold_their_points() {
+        use crate::geometry::{Disc, Sphere};
+        let centre = DVec3::new(0.2, -0.1, 0.4);
+        let normal = DVec3::new(0.3, 1.0, -0.5).normalize();
+        let rounds = [
+            Round::Sphere(Sphere { centre, radius: 1.3, inward: false }),
+            Round::Disc(Disc { centre, normal, radius: 1.3 }),
+        ];
+        let half = DVec3::splat(0.1);
+        for round in rounds {
+            let mut met = std::collections::HashSet::new();
+            for i in 0..=300 {
+                for j in 0..=300 {
+                    let p = round.point_at(f64::from(i) / 300.0, f64::from(j) / 300.0);
+                    met.insert((p / 0.2).floor().as_ivec3().to_array());
+                }
+            }
+            let (mut found, mut all) = (0, 0);
+            for x in -10..10 {
+                for y in -10..10 {
+                    for z in -10..10 {
+                        let middle = 0.2 * DVec3::new(f64::from(x), f64::from(y), f64::from(z)) + 0.1;
+                        let meets = round_meets_box(&round, middle, half);
+                        assert!(meets || !met.contains(&[x, y, z]), "{round:?} {middle}");
+                        found += i32::from(meets);
+                        all += 1;
+                    }
+                }
+            }
+            assert!(found < 2 * met.len() as i32 && found < all / 4, "{found} {} {all}", met.len());
+        }
     }
 
     #[test]

@@ -103,8 +103,9 @@ fn check_blocked(geometry: &Geometry, tally: &mut Tally, probe: &Probe, answers:
 fn check_closest(geometry: &Geometry, tally: &mut Tally, probe: &Probe, ray: &Ray, answers: &[Option<Hit>]) {
     let surfaces: Vec<_> = answers.iter().map(|a| a.map(|h| h.surface)).collect();
     let agree = surfaces.iter().all(|&s| s == surfaces[0]);
-    if let (true, Some(surface)) = (agree, surfaces[0]) {
-        tally.measure_t(answers, geometry.surface(surface).normal.dot(ray.direction).abs());
+    if let (true, Some(hit)) = (agree, answers[0]) {
+        let normal = geometry.surface(hit.surface).normal_at(ray.at(hit.t));
+        tally.measure_t(answers, normal.dot(ray.direction).abs());
     }
     if agree && !probe.is_spot_check() {
         return;

@@ -1,6 +1,6 @@
 //! The rays of a crosscheck: random ones, and those that tracers find hard.
 
-use crate::geometry::{Ray, Shape, Surface};
+use crate::geometry::{Ray, Round, Shape, Surface};
 use crate::scene::Geometry;
 use crate::tracers::Segment;
 use glam::{DVec3, Vec3};
@@ -16,11 +16,11 @@ const SPOT_CHECK: u64 = 64;
 pub enum ProbeClass {
     /// Between random points of two random surfaces.
     Random,
-    /// Through a corner.
+    /// Through a corner; of a disc or a sphere through a pole of its parameters.
     Vertex,
-    /// Through a point of an edge.
+    /// Through a point of an edge or a rim; of a sphere along a tangent.
     Edge,
-    /// Within the plane of a surface.
+    /// Within the plane of a surface, or a tangent plane of a sphere.
     InPlane,
     /// Within an axis-aligned plane through a corner, where boxes of hierarchies and voxels end.
     BoxPlane,
@@ -65,8 +65,11 @@ impl Probe {
         let b = match class {
             ProbeClass::Random => random.point_beyond(geometry),
             ProbeClass::Vertex => beyond(a, random.corner(geometry), &mut random),
-            ProbeClass::Edge => beyond(a, random.point_on_edge(geometry), &mut random),
-            ProbeClass::InPlane => random.point_in_plane(from),
+            ProbeClass::Edge => {
+                let through = random.point_on_edge(geometry, a);
+                beyond(a, through, &mut random)
+            }
+            ProbeClass::InPlane => random.point_in_plane(from, a),
             ProbeClass::BoxPlane => return random.in_box_plane(geometry, index),
             ProbeClass::NearParallel => return random.near_parallel(geometry, index),
         };
@@ -148,17 +151,47 @@ impl Random {
     }
 
     fn corner(&mut self, geometry: &Geometry) -> DVec3 {
-        let vertices = self.surface(geometry).vertices();
+        let surface = self.surface(geometry);
+        let vertices = surface.vertices();
+        if vertices.is_empty() {
+            // Poles and seams, and for a disc its middle and four points of the rim.
+            let at = [[0.5, 0.5], [0.0, 0.0], [1.0, 0.5], [0.5, 1.0], [0.0, 0.5], [0.5, 0.0]][self.below(6)];
+            return surface.point_at(at[0], at[1]);
+        }
         vertices[self.below(vertices.len())]
     }
 
-    fn point_on_edge(&mut self, geometry: &Geometry) -> DVec3 {
-        let vertices = self.surface(geometry).vertices();
+    /// Where a ray from `a` may just pass an edge.
+    fn point_on_edge(&mut self, geometry: &Geometry, a: DVec3) -> DVec3 {
+        let surface = self.surface(geometry);
+        let vertices = surface.vertices();
+        match surface.round() {
+            Some(Round::Disc(_)) => {
+                let side = self.unit();
+                return [(side, 0.0), (1.0, side), (side, 1.0), (0.0, side)]
+                    .map(|(u, v)| surface.point_at(u, v))[self.below(4)];
+            }
+            Some(Round::Sphere(sphere)) => {
+                // The circle in which the tangents from `a` touch; from within, any point.
+                let (axis, distance) = ((a - sphere.centre).normalize_or_zero(), a.distance(sphere.centre));
+                let height = sphere.radius / distance;
+                let p = self.point_on(surface);
+                let across = (p - sphere.centre).reject_from_normalized(axis).normalize_or_zero();
+                let touching = height * axis + (1.0 - height * height).max(0.0).sqrt() * across;
+                return if height < 1.0 { sphere.centre + sphere.radius * touching } else { p };
+            }
+            None => {}
+        }
         let k = self.below(vertices.len());
         vertices[k].lerp(vertices[(k + 1) % vertices.len()], self.unit())
     }
 
-    fn point_in_plane(&mut self, surface: &Surface) -> DVec3 {
+    /// A point in the plane of the surface, or in the plane that touches it at its point `a`.
+    fn point_in_plane(&mut self, surface: &Surface, a: DVec3) -> DVec3 {
+        if let Some(round) = surface.round() {
+            let (x, y) = round.normal_at(a).any_orthonormal_pair();
+            return a + 3.0 * round.radius() * (self.signed() * x + self.signed() * y);
+        }
         let v = surface.vertices();
         v[0] + 3.0 * self.signed() * (v[1] - v[0]) + 3.0 * self.signed() * (v[2] - v[0])
     }
@@ -180,8 +213,8 @@ impl Random {
     fn near_parallel(&mut self, geometry: &Geometry, index: u64) -> Probe {
         let surface = self.surface(geometry);
         let through = self.point_on(surface);
-        let along = self.point_in_plane(surface) - through;
-        let lift = along.length() * 10f64.powf(-1.0 - 6.0 * self.unit()) * surface.normal;
+        let along = self.point_in_plane(surface, through) - through;
+        let lift = along.length() * 10f64.powf(-1.0 - 6.0 * self.unit()) * surface.normal_at(through);
         let segment = segment(through - along - lift, through + along + lift);
         Probe { index, class: ProbeClass::NearParallel, segment }
     }

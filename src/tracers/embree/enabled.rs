@@ -1,8 +1,8 @@
 //! The tracer over Embree: `f32` traversal, `f64` ray limits and hit distances.
 
-use super::raw::{self, EMPTY_RAY, LARGEST, NO_HIT, lux_hit, lux_ray};
+use super::raw::{self, EMPTY_RAY, LARGEST, NO_HIT, lux_hit, lux_ray, lux_round};
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Hit, Ray, Shape, Surface, SurfaceId};
+use crate::geometry::{Aabb, Hit, Ray, Round, Shape, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::tracers::brute_force::{self, BruteForce, side_met};
 use crate::tracers::{RayTracer, Segment};
@@ -24,7 +24,8 @@ pub fn available() -> Option<String> {
     raw::version().map(|v| format!("{}.{}.{}", v / 10000, v / 100 % 100, v % 100))
 }
 
-/// Embree over one scene's surfaces: a single mesh of quads, robust mode.
+/// Embree over one scene's surfaces: a single mesh of quads, robust mode, and discs and spheres as they are, met in
+/// double precision.
 ///
 /// Surfaces are found in `f32`. The limits of a ray are then decided, and its hit parameter computed,
 /// in `f64` on the plane of the surface met: a ray that starts on a surface with `t_min` 0 meets that
@@ -58,7 +59,16 @@ impl EmbreeTracer {
         let scale = unit_scale(radius);
         let mut vertices = Vec::with_capacity(vertex_count as usize);
         let mut quads = Vec::with_capacity(geometry.surfaces.len());
+        let (mut ids, mut rounds) = (Vec::with_capacity(geometry.surfaces.len()), Vec::new());
         for (i, surface) in geometry.surfaces.iter().enumerate() {
+            if let Some(round) = surface.round() {
+                let bounds = round.bounds();
+                if !(bounds.min.abs().max(bounds.max.abs()).max_element() <= f64::from(LARGEST)) {
+                    return Err(Error::Tracer(format!("surface {i} is no place: {round:?}")));
+                }
+                rounds.push(in_unit_scene(&round, i as u32, f64::from(scale)));
+                continue;
+            }
             let first = vertices.len() as u32;
             let corners = surface.vertices();
             for v in corners.iter().map(|v| v.as_vec3()) {
@@ -69,8 +79,9 @@ impl EmbreeTracer {
             }
             let last = first + corners.len() as u32 - 1;
             quads.push([first, first + 1, first + 2, last]);
+            ids.push(i as u32);
         }
-        let scene = raw::Scene::new(&vertices, &quads).map_err(Error::Tracer)?;
+        let scene = raw::Scene::new(&vertices, &quads, &ids, &rounds).map_err(Error::Tracer)?;
         let version = available().unwrap_or_default();
         Ok(EmbreeTracer { scene, surfaces: geometry.surfaces.clone(), radius, scale, version })
     }
@@ -80,14 +91,14 @@ impl EmbreeTracer {
     /// a triangle in whose plane the ray runs.
     fn decide(&self, ray: &Ray, query: &Query, mut found: lux_hit) -> Option<Hit> {
         for _ in 0..TURNS {
-            let surface = self.surfaces.get(found.quad as usize)?;
+            let surface = self.surfaces.get(found.surface as usize)?;
             let rough = query.parameter(found.t);
-            let t = plane_parameter(ray, surface, found.half)
+            let t = surface_parameter(ray, surface, found.half)
                 .filter(|t| (t - rough).abs() * query.length <= 1e-3 * self.radius)
                 .unwrap_or(rough);
             if t > ray.t_min && self.is_near(surface, ray, t) {
-                let side = side_met(surface, ray.direction);
-                return (t < ray.t_max).then_some(Hit { surface: SurfaceId(found.quad), t, side });
+                let side = side_met(surface, ray, t);
+                return (t < ray.t_max).then_some(Hit { surface: SurfaceId(found.surface), t, side });
             }
             // A denormal would not move on: Embree runs with denormals taken as zero.
             let beyond = found.t.max(f32::MIN_POSITIVE).next_up();
@@ -131,7 +142,7 @@ impl EmbreeTracer {
         }
         self.scene.closest(&mut queries[..rays.len()], &mut found);
         for ((hit, ray), found) in hits.iter_mut().zip(rays).zip(found) {
-            *hit = match found.quad {
+            *hit = match found.surface {
                 raw::LUX_MISS => None,
                 _ => self.decide(ray, &Query::new(ray, self.radius, self.scale), found),
             };
@@ -220,10 +231,14 @@ fn segment_ray(segment: &Segment, scale: f32) -> lux_ray {
     }
 }
 
-/// Where `ray` crosses the plane of the triangle met, by the same formula as the brute force tracer;
-/// `None` if it runs along it.
-fn plane_parameter(ray: &Ray, surface: &Surface, half: u32) -> Option<f64> {
+/// Where `ray` crosses the plane of the triangle met, or the disc or sphere, by the same formula as the brute force
+/// tracer; `None` if it runs along it.
+fn surface_parameter(ray: &Ray, surface: &Surface, half: u32) -> Option<f64> {
     let [a, b, c] = match (surface.shape, half) {
+        (Shape::Disc(_) | Shape::Sphere(_), _) => {
+            let t = surface.round()?.crossings(ray)[half.min(1) as usize];
+            return t.is_finite().then_some(t);
+        }
         (Shape::Quad([_, v1, v2, v3]), 1) => [v2, v3, v1],
         (Shape::Quad([v0, v1, _, v3]), _) => [v0, v1, v3],
         (Shape::Triangle(t), _) => t,
@@ -233,9 +248,28 @@ fn plane_parameter(ray: &Ray, surface: &Surface, half: u32) -> Option<f64> {
     t.is_finite().then_some(t)
 }
 
-/// Distance of the furthest corner from the local origin, m.
+/// A disc or sphere as Embree's scene has it.
+fn in_unit_scene(round: &Round, surface: u32, scale: f64) -> lux_round {
+    let (disc, axis) = match round {
+        Round::Disc(disc) => (1, disc.normal),
+        Round::Sphere(_) => (0, DVec3::ZERO),
+    };
+    lux_round {
+        centre: (scale * round.centre()).to_array(),
+        radius: scale * round.radius(),
+        axis: axis.to_array(),
+        disc,
+        surface,
+    }
+}
+
+/// No corner, and no point of a disc or sphere, lies further from the local origin, m.
 fn corner_radius(surfaces: &[Surface]) -> f64 {
-    surfaces.iter().flat_map(|s| s.vertices()).fold(0.0, |r, v: &DVec3| r.max(v.length()))
+    let reach = |s: &Surface| match s.round() {
+        Some(round) => round.centre().length() + round.radius(),
+        None => s.vertices().iter().fold(0.0, |r: f64, v: &DVec3| r.max(v.length())),
+    };
+    surfaces.iter().map(reach).fold(0.0, f64::max)
 }
 
 /// The power of two that makes a length of `radius` one between 0.5 and 2; 1 where there is none.

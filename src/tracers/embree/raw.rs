@@ -8,7 +8,7 @@ mod ffi {
     include!(concat!(env!("OUT_DIR"), "/embree.rs"));
 }
 
-pub use ffi::{LUX_MISS, lux_hit, lux_ray};
+pub use ffi::{LUX_MISS, lux_hit, lux_ray, lux_round};
 
 /// The header's limit on coordinates, m: Embree refuses what is larger.
 pub const LARGEST: f32 = 1.8e18;
@@ -18,7 +18,7 @@ pub const EMPTY_RAY: lux_ray =
     lux_ray { origin: [0.0; 3], t_min: 0.0, direction: [0.0, 0.0, 1.0], t_max: -1.0 };
 
 /// What [`Scene::closest`] gives for a ray that hits nothing.
-pub const NO_HIT: lux_hit = lux_hit { t: 0.0, quad: LUX_MISS, half: 0 };
+pub const NO_HIT: lux_hit = lux_hit { t: 0.0, surface: LUX_MISS, half: 0 };
 
 /// The version of the loaded library, 10000 major + 100 minor + patch, or `None` if it refuses to start.
 pub fn version() -> Option<u32> {
@@ -39,18 +39,28 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Scene {
-    /// Builds a scene of `quads` (indices into `vertices`). The error is Embree's message.
-    pub fn new(vertices: &[[f32; 3]], quads: &[[u32; 4]]) -> Result<Self, String> {
+    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`. The error is
+    /// Embree's message.
+    pub fn new(
+        vertices: &[[f32; 3]],
+        quads: &[[u32; 4]],
+        ids: &[u32],
+        rounds: &[lux_round],
+    ) -> Result<Self, String> {
+        assert_eq!(quads.len(), ids.len());
         debug_assert!(quads.iter().flatten().all(|&i| (i as usize) < vertices.len()));
         let mut message = [0 as c_char; ffi::LUX_MESSAGE_BYTES as usize];
-        // SAFETY: both arrays are valid for the counts given and are only read during the call; `message` has the
+        // SAFETY: all arrays are valid for the counts given and are only read during the call; `message` has the
         // length the header asks for.
         let handle = unsafe {
             ffi::lux_scene_new(
                 vertices.as_ptr().cast(),
                 vertices.len() as u64,
                 quads.as_ptr().cast(),
+                ids.as_ptr(),
                 quads.len() as u64,
+                rounds.as_ptr(),
+                rounds.len() as u64,
                 message.as_mut_ptr(),
             )
         };
