@@ -22,6 +22,7 @@ mod normalise;
 mod openings;
 pub mod reference;
 mod rooms;
+mod scaling;
 mod scatter;
 mod settings;
 mod shooting;
