@@ -49,7 +49,7 @@ pub fn balance(elements: &mut [Element], points: usize, observer: &dyn Observer)
     let rows: Vec<Rows> = (elements.par_iter())
         .map(|e| {
             let most = if closed[e.group] { KEPT / elements.len() } else { 0 };
-            Rows::new(&e.directions, &elements[e.other].directions, most)
+            Rows::new(&e.directions, &elements[e.other].directions, None, most)
         })
         .collect();
     let mut error = (0.0, 0.0);

@@ -57,6 +57,9 @@ pub struct Directions {
     /// Factor on what comes in from these directions; 1 but inside solids, where it makes up for a
     /// critical cone that the elements do not fill exactly.
     pub gain: f32,
+    /// h of every direction: besides its lobe, light is spread as h_l h_k, which sums to what the lobe lacks. Empty
+    /// where lobes lack nothing.
+    pub spread: Vec<f32>,
     /// Number of directions; the rest is padding.
     pub len: usize,
     /// What holds for all directions of a group, [`LANES`] groups side by side.

@@ -55,10 +55,25 @@ impl LobeTable {
         &self.values[slot as usize * self.bands + band]
     }
 
+    /// The values at some cosines for the first wavelength.
+    #[inline(always)]
+    pub fn first(&self, cosine: &Lanes) -> Lanes {
+        let (slot, f) = self.slots(cosine);
+        std::array::from_fn(|lane| {
+            let (here, step) = self.entry(slot[lane], 0);
+            here[0] + f[lane] * step[0]
+        })
+    }
+
+    /// The values at a cosine of a band of wavelengths.
+    pub fn band(&self, cosine: f32, band: usize) -> Band {
+        let (slot, f) = self.slots(&[cosine; LANES]);
+        let (here, step) = self.entry(slot[0], band);
+        std::array::from_fn(|c| here[c] + f[0] * step[c])
+    }
+
     /// The value at a cosine for wavelength `k`.
     pub fn value(&self, cosine: f32, k: usize) -> f32 {
-        let (slot, f) = self.slots(&[cosine; LANES]);
-        let (here, step) = self.entry(slot[0], k / BAND);
-        here[k % BAND] + f[0] * step[k % BAND]
+        self.band(cosine, k / BAND)[k % BAND]
     }
 }

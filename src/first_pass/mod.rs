@@ -23,6 +23,7 @@ mod openings;
 pub mod reference;
 mod rooms;
 pub(crate) mod round;
+mod scaling;
 mod scatter;
 mod settings;
 mod shooting;

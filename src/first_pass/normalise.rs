@@ -1,15 +1,17 @@
-//! Scale factors that make every rough lobe, and every refraction, return its directional albedo over the members a point has:
-//! u_l Σ_k B(l, k) q_k u_k = a(θ_l). Sinkhorn's balancing with square roots keeps B symmetric, so
-//! energy is neither created nor lost and reciprocity holds.
+//! Scale factors that make every rough lobe return its directional albedo over the members a point has,
+//! u_l Σ_k B(l, k) q_k u_k = a(θ_l), and every piece of the surface of a solid return all light: what it reflects and what
+//! it lets through together.
+//!
+//! B stays symmetric, so energy is neither created nor lost and reciprocity holds. What balancing cannot
+//! place in a lobe is little; it is spread over the directions whose rows lack it, in proportion to what they lack,
+//! which is symmetric too. So rows sum to what they should to rounding, and uniform surroundings stay as they are.
 
 use super::directions::{Directions, LANES, Lanes};
+use super::lobe_table::LobeTable;
+use super::scaling::{Problem, lower};
 use crate::material::AlbedoTable;
 use crate::simd::{HotLoop, wide};
 
-/// Rounds of balancing at most; the error left falls slowly after the first few.
-const ROUNDS: usize = 12;
-/// Good enough: largest relative deviation of a row.
-const GOOD: f64 = 1e-3;
 /// Groups of lanes kept for one lobe at most (72 MB); rows beyond are recomputed in each round.
 const KEPT: usize = 2 << 20;
 
@@ -17,32 +19,45 @@ const KEPT: usize = 2 << 20;
 type Entry = (u32, Lanes);
 
 /// B between two sets of directions, by rows, as far as it is kept. It does not depend on weights and scales.
-pub struct Rows {
+pub struct Rows<'a> {
+    /// What B is multiplied by (at the first wavelength), if by anything.
+    table: Option<&'a LobeTable>,
     /// The first rows, one after the other.
     kept: Vec<Entry>,
     /// Where each ends.
     ends: Vec<usize>,
 }
 
-impl Rows {
+impl<'a> Rows<'a> {
     /// Computes rows until about `most` entries are kept.
-    pub fn new(from: &Directions, to: &Directions, most: usize) -> Self {
-        wide(Keep { from, to, most })
+    pub fn new(from: &Directions, to: &Directions, table: Option<&'a LobeTable>, most: usize) -> Self {
+        wide(Keep { from, to, table, most })
     }
 
     /// Σ_k B(l, k) q_k u_k over the members of `to`, for every member l of `from`.
     pub fn sums(&self, from: &Directions, to: &Directions) -> Vec<f32> {
-        wide(Sums { rows: self, from, to, x: &weighted(to) })
+        wide(Sums { rows: self, from, to, x: &weighted(to, None) })
+    }
+
+    /// u_l Σ_k B(l, k) q_k u_k x_k over the members of `to`, for every member l of `from`.
+    fn product(&self, from: &Directions, to: &Directions, x: &[f32]) -> Vec<f32> {
+        let mut sums = wide(Sums { rows: self, from, to, x: &weighted(to, Some(x)) });
+        sums.iter_mut().enumerate().for_each(|(l, sum)| *sum *= from.scale_of(l));
+        sums
     }
 }
 
 /// Appends B(l, ·) to `row`.
 #[inline(always)]
-fn append(from: &Directions, to: &Directions, l: usize, row: &mut Vec<Entry>) {
+fn append(from: &Directions, to: &Directions, table: Option<&LobeTable>, l: usize, row: &mut Vec<Entry>) {
     let a = from.get(l);
     if a.to[2] > 0.0 {
         for g in to.reach(a, 0..to.groups()) {
-            if let Some((b, _)) = to.lobe(&a, g) {
+            if let Some((mut b, cosine)) = to.lobe(&a, g) {
+                if let Some(table) = table {
+                    let factor = table.first(&cosine);
+                    (0..LANES).for_each(|lane| b[lane] *= factor[lane]);
+                }
                 row.push((g as u32, b));
             }
         }
@@ -50,32 +65,33 @@ fn append(from: &Directions, to: &Directions, l: usize, row: &mut Vec<Entry>) {
 }
 
 /// [`Rows::new`].
-struct Keep<'a> {
-    from: &'a Directions,
-    to: &'a Directions,
+struct Keep<'a, 'b> {
+    from: &'b Directions,
+    to: &'b Directions,
+    table: Option<&'a LobeTable>,
     most: usize,
 }
 
-impl HotLoop for Keep<'_> {
-    type Output = Rows;
+impl<'a> HotLoop for Keep<'a, '_> {
+    type Output = Rows<'a>;
 
     #[inline(always)]
-    fn run(self) -> Rows {
+    fn run(self) -> Rows<'a> {
         let (mut kept, mut ends) = (Vec::new(), Vec::new());
         while kept.len() < self.most && ends.len() < self.from.len {
-            append(self.from, self.to, ends.len(), &mut kept);
+            append(self.from, self.to, self.table, ends.len(), &mut kept);
             ends.push(kept.len());
         }
-        Rows { kept, ends }
+        Rows { table: self.table, kept, ends }
     }
 }
 
 /// [`Rows::sums`].
 struct Sums<'a> {
-    rows: &'a Rows,
+    rows: &'a Rows<'a>,
     from: &'a Directions,
     to: &'a Directions,
-    /// q u of every member of `to`.
+    /// q u x of every member of `to`.
     x: &'a [Lanes],
 }
 
@@ -94,7 +110,7 @@ impl HotLoop for Sums<'_> {
         let mut row = Vec::new();
         for l in rows.ends.len()..from.len {
             row.clear();
-            append(from, to, l, &mut row);
+            append(from, to, rows.table, l, &mut row);
             sums.push(dot(&row, x));
         }
         sums
@@ -114,75 +130,126 @@ fn dot(row: &[Entry], x: &[Lanes]) -> f32 {
     sum.iter().sum()
 }
 
-/// Weight times scale of every direction.
-fn weighted(directions: &Directions) -> Vec<Lanes> {
-    let product = |(w, u): (&Lanes, &Lanes)| std::array::from_fn(|lane| w[lane] * u[lane]);
-    directions.weight.iter().zip(&directions.scale).map(product).collect()
+/// Weight times scale of every direction, times `x`.
+fn weighted(directions: &Directions, x: Option<&[f32]>) -> Vec<Lanes> {
+    let mut product: Vec<Lanes> = (directions.weight.iter().zip(&directions.scale))
+        .map(|(w, u)| std::array::from_fn(|lane| w[lane] * u[lane]))
+        .collect();
+    for (l, x) in x.into_iter().flatten().enumerate() {
+        product[l / LANES][l % LANES] *= x;
+    }
+    product
 }
 
-/// One half step: scales `directions` towards `albedo`, given Σ_k B q_k u_k; `root` for the symmetric
-/// case. Returns (weighted mean, largest) deviation before the step.
-fn step(directions: &mut Directions, sums: &[f32], albedo: impl Fn(f32) -> f32, root: bool) -> (f64, f64) {
-    let (mut error, mut weight, mut largest) = (0.0, 0.0, 0.0f64);
-    for (i, &sum) in sums.iter().enumerate() {
-        let (g, lane) = (i / LANES, i % LANES);
-        if directions.weight[g][lane] <= 0.0 {
-            continue;
-        }
-        let (target, scale) = (albedo(directions.z[g][lane]), directions.scale[g][lane]);
-        let w = f64::from(directions.weight[g][lane]);
-        weight += w;
-        if sum > 0.0 && scale > 0.0 {
-            let ratio = target / (scale * sum);
-            let deviation = f64::from((1.0 / ratio - 1.0).abs());
-            error += w * deviation;
-            largest = largest.max(deviation);
-            let next = scale * if root { ratio.sqrt() } else { ratio };
-            directions.scale[g][lane] = if next.is_finite() { next } else { scale };
-        } else {
-            error += w;
-            largest = 1.0;
-        }
+/// Weights of all directions.
+fn weights(directions: &Directions) -> impl Iterator<Item = f32> {
+    directions.weight.iter().flatten().copied().take(directions.len)
+}
+
+/// Cosines of all directions.
+fn cosines(directions: &Directions) -> impl Iterator<Item = f32> {
+    directions.z.iter().flatten().copied().take(directions.len)
+}
+
+/// Multiplies the scales of all directions.
+fn rescale(directions: &mut Directions, factors: &[f32]) {
+    for (l, factor) in factors.iter().enumerate() {
+        directions.scale[l / LANES][l % LANES] *= factor;
     }
-    (if weight > 0.0 { error / weight } else { 0.0 }, largest)
+}
+
+/// What rows lack becomes the part of light that is spread.
+fn spread(directions: &mut Directions, lacks: &[f32]) {
+    let whole: f64 = weights(directions).zip(lacks).map(|(q, lacks)| f64::from(q) * f64::from(*lacks)).sum();
+    let root = whole.sqrt() as f32;
+    directions.spread =
+        if root > 0.0 { lacks.iter().map(|lacks| lacks / root).collect() } else { Vec::new() };
 }
 
 /// Scales the reflection lobe of one point to the directional `albedo`. Returns the (mean, largest)
-/// relative deviation left.
+/// share of the light that balancing did not place in its lobe.
 pub fn normalise_reflection(directions: &mut Directions, albedo: &AlbedoTable) -> (f64, f64) {
-    let rows = Rows::new(directions, directions, KEPT);
-    let mut error = (0.0, 0.0);
-    for _ in 0..ROUNDS {
-        let sums = rows.sums(directions, directions);
-        let before = directions.scale.clone();
-        error = step(directions, &sums, |z| albedo.eval(z), true);
-        if error.1 < GOOD {
-            directions.scale = before;
-            break;
-        }
-    }
-    error
+    let rows = Rows::new(directions, directions, None, KEPT);
+    let measure: Vec<f32> = weights(directions).collect();
+    let target: Vec<f32> = cosines(directions).map(|z| albedo.eval(z)).collect();
+    let problem = Problem {
+        product: |x: &[f32]| rows.product(directions, directions, x),
+        measure: &measure,
+        target: &target,
+    };
+    let mut factors = problem.solve();
+    let (lacks, deviation) = lower(&problem, &mut factors);
+    rescale(directions, &factors);
+    spread(directions, &lacks);
+    deviation
 }
 
-/// Scales the transmission lobe between the two sides of a glass point: what enters from any
-/// direction leaves on the other side, unless it is reflected. Returns the deviation left.
-pub fn normalise_transmission(front: &mut Directions, back: &mut Directions) -> (f64, f64) {
-    // Rows and columns can both be met only when both sides weigh the same. A gain on what leaves the
+/// One side of a piece of the surface of a solid: what it sees, as directions it reflects to and as directions outside that
+/// refract to them.
+pub struct Face<'a> {
+    /// Of reflection.
+    pub reflection: &'a mut Directions,
+    /// Of transmission.
+    pub transmission: &'a mut Directions,
+    /// F
+    pub reflect: &'a LobeTable,
+}
+
+/// Scales both lobes of both sides of a piece of the surface of a solid, `front` outside, so that all light leaves it
+/// again; `transmit` is 1 - F against the cosine outside. Returns the (mean, largest) share of the light that balancing did not
+/// place in its lobe.
+pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -> (f64, f64) {
+    // Rows and columns can both be met only when as much goes in as comes out. A gain on what leaves the
     // back mends that: light that comes in gets its inverse, so a round trip keeps its energy.
-    let total = |d: &Directions| d.weight.iter().flatten().sum::<f32>();
-    let ratio = total(front) / total(back);
-    if ratio.is_finite() && ratio > 0.0 {
-        back.gain = ratio;
-        back.weight.iter_mut().flatten().for_each(|w| *w *= ratio);
+    let through = |d: &Directions| -> Vec<f32> {
+        cosines(d).map(|z| if z > 0.0 { transmit.value(z, 0) } else { 0.0 }).collect()
+    };
+    let target = [through(front.transmission), through(back.transmission)];
+    let total = |d: &Directions, t: &[f32]| weights(d).zip(t).map(|(w, t)| f64::from(w * t)).sum::<f64>();
+    let ratio = (total(front.transmission, &target[0]) / total(back.transmission, &target[1])) as f32;
+    let gain = if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 };
+    back.transmission.gain = gain;
+    back.transmission.weight.iter_mut().flatten().for_each(|w| *w *= gain);
+
+    let (outside, inside) = (front.reflection.len, back.reflection.len);
+    let forth = Rows::new(front.transmission, back.transmission, Some(transmit), KEPT);
+    let backwards = Rows::new(back.transmission, front.transmission, Some(transmit), KEPT);
+    let transmitted = |x: &[f32]| {
+        let mut sums = forth.product(front.transmission, back.transmission, &x[outside..]);
+        sums.extend(backwards.product(back.transmission, front.transmission, &x[..outside]));
+        sums
+    };
+    let measure: Vec<f32> = weights(front.transmission).chain(weights(back.transmission)).collect();
+    let factors = Problem { product: transmitted, measure: &measure, target: &target.concat() }.solve();
+    rescale(front.transmission, &factors[..outside]);
+    rescale(back.transmission, &factors[outside..]);
+
+    // Fresnel's shares alone do not sum to 1, for elements reflect and refract light a little differently. Both together
+    // are balanced once more, those beyond the critical angle as well.
+    let (near, far) = (
+        Rows::new(front.reflection, front.reflection, Some(front.reflect), KEPT),
+        Rows::new(back.reflection, back.reflection, Some(back.reflect), KEPT),
+    );
+    let measure: Vec<f32> =
+        (weights(front.reflection)).chain(weights(back.reflection).map(|q| q * n2 * gain)).collect();
+    let problem = Problem {
+        product: |x: &[f32]| {
+            let mut sums = forth.product(front.transmission, back.transmission, &x[outside..]);
+            sums.extend(backwards.product(back.transmission, front.transmission, &x[..outside]));
+            let mut reflected = near.product(front.reflection, front.reflection, &x[..outside]);
+            reflected.extend(far.product(back.reflection, back.reflection, &x[outside..]));
+            sums.iter_mut().zip(reflected).for_each(|(sum, more)| *sum += more);
+            sums
+        },
+        measure: &measure,
+        target: &vec![1.0; outside + inside],
+    };
+    let mut factors = problem.solve();
+    let (lacks, deviation) = lower(&problem, &mut factors);
+    for (face, part) in [(front, 0..outside), (back, outside..outside + inside)] {
+        rescale(face.reflection, &factors[part.clone()]);
+        rescale(face.transmission, &factors[part.clone()]);
+        spread(face.reflection, &lacks[part]);
     }
-    let (forth, backwards) = (Rows::new(front, back, KEPT), Rows::new(back, front, KEPT));
-    let mut error = (0.0, 0.0);
-    for _ in 0..ROUNDS {
-        error = step(front, &forth.sums(front, back), |_| 1.0, false);
-        step(back, &backwards.sums(back, front), |_| 1.0, false);
-        if error.1 < GOOD {
-            break;
-        }
-    }
-    error
+    deviation
 }

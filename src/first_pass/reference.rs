@@ -8,6 +8,7 @@
 use super::bounce::reflectance;
 use super::directions::Directions;
 use super::lobe_table::LobeTable;
+use super::scatter::spread_between;
 use super::settings::ChainLimits;
 use super::specular::SpecularSet;
 use super::system::System;
@@ -130,12 +131,15 @@ impl Evaluation<'_> {
         let a = lobe.from.get(from);
         for (k, &member) in out.members.iter().enumerate().filter(|(_, m)| **m != NO_POINT) {
             let (b, cosine) = lobe.to.lobe_at(&a, k);
-            if b == 0.0 {
+            let spreads = lobe.from.spread.get(from).is_some_and(|h| *h > 0.0);
+            if b == 0.0 && !spreads {
                 continue;
             }
             let scale = b * lobe.from.scale_of(from) * lobe.to.scale_of(k) * lobe.gain * lobe.from.gain;
+            let spread =
+                |c: usize| if spreads { spread_between(lobe.from, from, k, lobe.table, c) } else { 0.0 };
             let carried: Vec<f64> = (0..w)
-                .map(|c| arriving[c] * f64::from(scale) * f64::from(lobe.table.value(cosine, c)))
+                .map(|c| arriving[c] * f64::from(scale * lobe.table.value(cosine, c) + spread(c)))
                 .collect();
             for (c, carried) in carried.iter().enumerate() {
                 let reaches = f64::from(out.q_out[k]) * f64::from(self.set.through(out, k, c));

@@ -1,7 +1,7 @@
 //! The innermost loops of the specular chains: radiance from many members through one lobe to many.
 
 use super::directions::{Directions, LANES};
-use super::lobe_table::{Band, LobeTable};
+use super::lobe_table::{BAND, Band, LobeTable};
 use crate::simd::{HotLoop, wide};
 use glam::Vec4;
 
@@ -67,9 +67,12 @@ impl HotLoop for Scatter<'_> {
     }
 }
 
-/// [`Scatter`] within one set of directions. The lobe is the same both ways, so when most members
-/// send light to all others each pair is computed once for both.
+/// [`Scatter`] within one set of directions, and what their lobes lack. The lobe is the same both ways, so when most
+/// members send light to all others each pair is computed once for both.
 pub fn reflect(members: &Directions, sources: Sources, groups: usize, lobe: Lobe, radiance: &mut [Band]) {
+    if !members.spread.is_empty() {
+        spread(members, sources, lobe, radiance);
+    }
     if 2 * sources.0.len() < members.len || groups < members.groups() {
         wide(Scatter { from: members, sources, to: members, groups, lobe, radiance });
         return;
@@ -79,6 +82,38 @@ pub fn reflect(members: &Directions, sources: Sources, groups: usize, lobe: Lobe
         light[member as usize * lobe.bands..][..lobe.bands].copy_from_slice(source);
     }
     wide(Exchange { members, light: &light, lobe, radiance });
+}
+
+/// Adds h_k Σ_l h_l q_l L_l to the radiance towards every k.
+fn spread(members: &Directions, (from, values): Sources, lobe: Lobe, radiance: &mut [Band]) {
+    let Lobe { table, bands } = lobe;
+    let end = |k: usize, band: usize| members.spread[k] * Vec4::from(spread_factor(members, k, table, band));
+    let mut sum = vec![Vec4::ZERO; bands];
+    for (&l, source) in from.iter().zip(values.chunks(bands)) {
+        for (band, (sum, value)) in sum.iter_mut().zip(source).enumerate() {
+            *sum += end(l as usize, band) * Vec4::from(*value);
+        }
+    }
+    for (k, out) in radiance.chunks_mut(bands).enumerate().take(members.len) {
+        for (band, (out, sum)) in out.iter_mut().zip(&sum).enumerate() {
+            *out = (Vec4::from(*out) + end(k, band) * *sum).to_array();
+        }
+    }
+}
+
+/// What light that is spread is multiplied by at either end: the root of F at its own angle, so that both ends together
+/// give F. The balance of solids, whose transmission makes up for F, holds F already.
+fn spread_factor(members: &Directions, k: usize, table: &LobeTable, band: usize) -> Band {
+    if members.origin.m2 == 0.0 {
+        return [1.0; BAND];
+    }
+    table.band(members.z[k / LANES][k % LANES], band).map(|f| f.max(0.0).sqrt())
+}
+
+/// What is spread from direction `l` to `k` at wavelength `c`, besides their lobe.
+pub fn spread_between(members: &Directions, l: usize, k: usize, table: &LobeTable, c: usize) -> f32 {
+    let end = |k: usize| members.spread[k] * spread_factor(members, k, table, c / BAND)[c % BAND];
+    end(l) * end(k)
 }
 
 /// Every pair of `members` exchanges light: [`Scatter`] both ways at once.

@@ -1,10 +1,11 @@
 //! Specular points: what each sees, in which directions, and where radiance goes from one to the next.
 
 use super::balance::{Element, balance};
+use super::bounce::reflectance;
 use super::directions::{Direction, Directions, LANES, Origin};
 use super::lobe_table::{BAND, LobeTable};
 use super::member::{Frame, members, outside};
-use super::normalise::{normalise_reflection, normalise_transmission};
+use super::normalise::{Face, normalise_reflection, normalise_solid};
 use super::settings::Kernel;
 use crate::geometry::Side;
 use crate::material::{AlbedoTable, Transmission};
@@ -256,34 +257,55 @@ impl SpecularSet {
             .map(|(p, m)| normalise_reflection(&mut p.reflection, &m.albedo))
             .inspect(|_| observer.advance(1))
             .collect();
-        let refracts = |p: &SpecularPoint| p.transmission.as_ref().is_some_and(|t| !t.origin.straight);
-        let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())
-            .filter(|(_, p)| refracts(p))
-            .filter_map(|(s, p)| p.twin.map(|t| (s, t as usize)))
-            .filter(|(s, t)| s < t)
-            .collect();
-        let scaled: Vec<_> = pairs
-            .par_iter()
-            .filter_map(|&(s, t)| {
-                let mut a = self.points[s].transmission.clone()?;
-                let mut b = self.points[t].transmission.clone()?;
-                let error = normalise_transmission(&mut a, &mut b);
-                observer.advance(2);
-                Some((s, a, t, b, error))
-            })
-            .collect();
-        for (s, a, t, b, error) in scaled {
-            self.points[s].transmission = Some(a);
-            self.points[t].transmission = Some(b);
-            errors.push(error);
-        }
         errors.extend(self.balance(sample, false, observer));
         errors.extend(self.balance(sample, true, observer));
+        errors.extend(self.normalise_solids(observer));
         observer.end();
         if !errors.is_empty() {
             let mean = errors.iter().map(|e| e.0).sum::<f64>() / errors.len() as f64;
             self.closure_error = (mean, errors.iter().map(|e| e.1).fold(0.0, f64::max));
         }
+    }
+
+    /// Scales what solids reflect and refract. Returns what balancing did not place in its lobe, by pairs of points.
+    fn normalise_solids(&mut self, observer: &dyn Observer) -> Vec<(f64, f64)> {
+        let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())
+            .filter(|(_, p)| !p.inside && p.transmission.as_ref().is_some_and(|t| !t.origin.straight))
+            .filter_map(|(s, p)| p.twin.map(|t| (s, t as usize)))
+            .collect();
+        let scaled: Vec<_> = pairs
+            .par_iter()
+            .filter_map(|&(s, t)| {
+                let material = self.material(&self.points[s])?;
+                let transmit = material.transmit.as_ref()?;
+                let mut lobes = [s, t].map(|s| {
+                    let p = &self.points[s];
+                    (p.reflection.clone(), p.transmission.clone().unwrap_or_default())
+                });
+                let [a, b] = &mut lobes;
+                let face = |s: usize, (reflection, transmission)| Face {
+                    reflection,
+                    transmission,
+                    reflect: reflectance(&self.points[s], material),
+                };
+                let error = normalise_solid(
+                    face(s, (&mut a.0, &mut a.1)),
+                    face(t, (&mut b.0, &mut b.1)),
+                    transmit,
+                    material.n2,
+                );
+                observer.advance(2);
+                Some((s, t, lobes, error))
+            })
+            .collect();
+        let put = |(s, t, lobes, error): (usize, usize, [(Directions, Directions); 2], _)| {
+            for (s, (reflection, transmission)) in [s, t].into_iter().zip(lobes) {
+                self.points[s].reflection = reflection;
+                self.points[s].transmission = Some(transmission);
+            }
+            error
+        };
+        scaled.into_iter().map(put).collect()
     }
 
     /// Balances the ideal lobes of all mirrors, or of what goes straight `through` panes. Returns the deviation left.

@@ -13,7 +13,7 @@ const SETTINGS: SecondPassSettings = SecondPassSettings {
     passes: Passes::Both,
     samples: 1,
     lobe_samples: 8,
-    max_depth: 16,
+    max_depth: SecondPassSettings::MAX_DEPTH,
     tolerance: 1e-3,
     seed: 0,
 };

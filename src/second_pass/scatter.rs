@@ -3,7 +3,7 @@
 use super::interpolate::DiffuseField;
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
-use super::wave::{NO_MEDIUM, Path, Wave, ray_offset};
+use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
@@ -20,6 +20,9 @@ pub(super) struct Scatterer<'a> {
     pub settings: &'a SecondPassSettings,
     /// How far above a surface rays start, by surface, m.
     offset: Vec<f64>,
+    /// Towards which place rays start aside, and by which share of the way, by surface: what is met just beyond an edge would
+    /// else begin on the wrong side of the surface that joins there.
+    inset: Vec<(DVec3, f64)>,
     /// Share of each wavelength in the brightness by which paths are chosen, sum 1.
     brightness: Vec<f32>,
 }
@@ -62,6 +65,8 @@ struct Meeting {
     side: Side,
     /// How far above the surface the path goes on, m; negative on the other side.
     offset: f64,
+    /// By how much it starts aside, m.
+    aside: DVec3,
     /// Index of the surface's material.
     material: u32,
     path: Path,
@@ -76,14 +81,16 @@ impl<'a> Scatterer<'a> {
         field: &'a DiffuseField<'a>,
         settings: &'a SecondPassSettings,
     ) -> Self {
-        let offset =
-            (0..geometry.surfaces.len()).map(|s| ray_offset(geometry, SurfaceId(s as u32))).collect();
+        let surfaces = || (0..geometry.surfaces.len()).map(|s| SurfaceId(s as u32));
+        let offset: Vec<f64> = surfaces().map(|s| ray_offset(geometry, s)).collect();
+        let inset = surfaces().zip(&offset).map(|(s, offset)| inset(geometry, s, *offset)).collect();
         Scatterer {
             geometry,
             appearance,
             field,
             settings,
             offset,
+            inset,
             brightness: brightness(&appearance.wavelengths.xyz_weights),
         }
     }
@@ -132,6 +139,10 @@ impl<'a> Scatterer<'a> {
             cos: n.dot(i).clamp(0.0, 1.0),
             side: hit.side,
             offset: self.offset[hit.surface.index()],
+            aside: {
+                let (centre, share) = self.inset[hit.surface.index()];
+                share * (centre - position)
+            },
             material: self.appearance.surface_material[hit.surface.index()].0,
             path,
             u: self.uniform(&path, seed),
@@ -241,7 +252,10 @@ impl<'a> Scatterer<'a> {
         let both = at.path.splits < SPLITS;
         let path = Path { splits: at.path.splits + 1, ..at.path };
         beyond.splits += 1;
-        let (bright, through) = (self.bright(&film.reflected), self.bright(&film.transmitted));
+        // What a path brings home is its radiance over n²: by radiance alone, chances and weights would not go together,
+        // and even uniform light would look noisy through glass.
+        let bright = self.importance(&film.reflected, path.medium);
+        let through = self.importance(&film.transmitted, beyond.medium);
         let chance = if both { 1.0 } else { bright / (bright + through) };
         if both || at.u[2] < chance {
             film.reflected.iter_mut().for_each(|r| *r /= chance);
@@ -272,7 +286,7 @@ impl<'a> Scatterer<'a> {
         film: &mut Film,
         next: &mut Wave,
     ) -> bool {
-        let bright = self.bright(throughput);
+        let bright = self.importance(throughput, at.path.medium);
         if bright.is_nan() || bright <= 0.0 {
             return false;
         }
@@ -290,7 +304,8 @@ impl<'a> Scatterer<'a> {
             film.stats.paths_ended += 1;
             return false;
         }
-        let ray = Ray { origin: at.position + at.offset * at.n, direction, t_min: 0.0, t_max: f64::INFINITY };
+        let origin = at.position + at.aside + at.offset * at.n;
+        let ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
         let path = Path { start: at.position, depth: at.path.depth + 1, ..at.path };
         next.push(ray, path, throughput.iter().map(|t| t / survival));
         true
@@ -299,6 +314,16 @@ impl<'a> Scatterer<'a> {
     /// The numbers of a path's next event.
     fn uniform(&self, path: &Path, seed: u32) -> [f32; 4] {
         sobol_burley::sample_4d(path.index, (path.depth + 1) % sobol_burley::NUM_DIMENSION_SETS_4D, seed)
+    }
+
+    /// [`Scatterer::bright`] of what a path in a medium would carry outside it.
+    fn importance(&self, throughput: &[f32], medium: u32) -> f32 {
+        let solid = self.appearance.materials.get(medium as usize).and_then(|m| m.transmission.as_ref());
+        let n2 = match solid {
+            Some(Transmission::Solid { n, .. }) => (n * n) as f32,
+            _ => 1.0,
+        };
+        n2 * self.bright(throughput)
     }
 
     fn bright(&self, throughput: &[f32]) -> f32 {

@@ -39,7 +39,7 @@ impl Default for SecondPassSettings {
             passes: Passes::Both,
             samples: 16,
             lobe_samples: 8,
-            max_depth: 16,
+            max_depth: Self::MAX_DEPTH,
             tolerance: 1e-3,
             seed: 0,
         }
