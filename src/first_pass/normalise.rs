@@ -253,3 +253,58 @@ pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -
     }
     deviation
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::directions::{Direction, Origin, tile_order};
+    use super::super::lobe;
+    use super::super::scatter::{Lobe, reflect};
+    use super::*;
+    use crate::material::FresnelTable;
+    use std::f32::consts::{PI, TAU};
+
+    /// A hemisphere of `rings` rings of equal projected solid angle, seen from an element of a tenth of their distance.
+    fn hemisphere(m: f32, rings: usize) -> Directions {
+        let mut list = Vec::new();
+        for ring in 0..rings {
+            let count = 6 * ring + 3;
+            let edge = |r: usize| (r as f32 / rings as f32).powi(2);
+            let weight = PI * (edge(ring + 1) - edge(ring)) / count as f32;
+            let r = (0.5 * (edge(ring) + edge(ring + 1))).sqrt();
+            for i in 0..count {
+                let (y, x) = (TAU * (i as f32 + 0.3) / count as f32).sin_cos();
+                let z = (1.0 - r * r).sqrt();
+                list.push(Direction {
+                    to: [r * x, r * y, z],
+                    weight,
+                    rough: lobe::Extent::new(weight / z, 0.1, z),
+                    ..Default::default()
+                });
+            }
+        }
+        tile_order(&mut list, 0, |d| d.to);
+        Directions::new(Origin { m2: m * m, side: [0.1; 2], straight: true }, &list)
+    }
+
+    #[test]
+    fn rough_lobes_return_their_albedo() {
+        let table = LobeTable::new(&FresnelTable::new(1, 20, |_, _| 1.0), 1.0, false);
+        for m in [0.05, 0.1, 0.3, 0.6, 1.0] {
+            for rings in [6, 20] {
+                let albedo = AlbedoTable::new(f64::from(m));
+                let mut members = hemisphere(m, rings);
+                let (mean, largest) = normalise_reflection(&mut members, &albedo);
+                println!("m {m}, {rings} rings: {mean:.1e} of the light is spread, {largest:.1e} at most");
+                assert!(mean < 3e-4 && largest < 1e-3, "m {m}: {mean} {largest}");
+                let from: Vec<u32> = (0..members.len as u32).collect();
+                let light: Vec<[f32; 4]> = weights(&members).map(|q| [q, 0.0, 0.0, 0.0]).collect();
+                let mut radiance = vec![[0.0; 4]; members.groups() * LANES];
+                let groups = members.groups();
+                reflect(&members, (&from, &light), groups, Lobe { table: &table, bands: 1 }, &mut radiance);
+                for (z, l) in cosines(&members).zip(&radiance) {
+                    assert!((l[0] - albedo.eval(z)).abs() < 2e-5, "m {m}: {} for {}", l[0], albedo.eval(z));
+                }
+            }
+        }
+    }
+}
