@@ -101,8 +101,10 @@ fn mirrors_and_clear_glass_leave_a_furnace_alone() {
             let first = usize::from(quads.is_empty());
             let found = lit.on(|s| (first..6).contains(&s.index()));
             let mean = found.iter().sum::<f64>() / found.len() as f64;
-            table.relative(&format!("{name}, {tracer:?}, mean"), expected, mean, 1e-2);
-            table.all(&format!("{name}, {tracer:?}, worst"), expected, found, 5e-2);
+            // Solids are balanced as a whole: what is left is what any block leaves.
+            let (bound, worst) = if name.starts_with("glass") { (1e-3, 2e-2) } else { (1e-2, 5e-2) };
+            table.relative(&format!("{name}, {tracer:?}, mean"), expected, mean, bound);
+            table.all(&format!("{name}, {tracer:?}, worst"), expected, found, worst);
         }
     }
     table.judge();
