@@ -60,9 +60,12 @@ pub fn ray_offset(geometry: &Geometry, surface: SurfaceId) -> f64 {
 }
 
 /// The middle of a surface, and the share of the way there that moves a place on its edge by about `offset` off
-/// the edge, a thousandth at most.
+/// the edge, a thousandth at most; what has no corners needs none.
 pub fn inset(geometry: &Geometry, surface: SurfaceId, offset: f64) -> (DVec3, f64) {
     let corners = geometry.surface(surface).vertices();
+    if corners.is_empty() {
+        return (DVec3::ZERO, 0.0);
+    }
     let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
     let edge = |(i, a): (usize, &DVec3)| {
         let along = (corners[(i + 1) % corners.len()] - *a).normalize_or_zero();
