@@ -65,7 +65,8 @@ impl EmbreeTracer {
         for (i, surface) in geometry.surfaces.iter().enumerate() {
             if let Some(round) = surface.round() {
                 let bounds = round.bounds();
-                if !(bounds.min.abs().max(bounds.max.abs()).max_element() <= f64::from(LARGEST)) {
+                let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+                if reach.is_nan() || reach > f64::from(LARGEST) {
                     return Err(Error::Tracer(format!("surface {i} is no place: {round:?}")));
                 }
                 rounds.push(in_unit_scene(&round, i as u32, f64::from(scale)));
