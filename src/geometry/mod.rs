@@ -47,6 +47,7 @@ pub struct Ray {
 
 impl Ray {
     /// The point at parameter `t`.
+    #[inline]
     pub fn at(&self, t: f64) -> DVec3 {
         self.origin + t * self.direction
     }

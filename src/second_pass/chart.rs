@@ -18,7 +18,12 @@ pub struct Chart {
     /// v0 - v1 + v2 - v3 of a quad: what makes it more than a parallelogram. Zero for a triangle.
     g: DVec2,
     triangle: bool,
+    /// What (u, v) are of a place in the plane, for triangles and parallelograms.
+    linear: Option<[DVec2; 2]>,
 }
+
+/// A quad bent less than this, as a share of its edges, is a parallelogram: rounding makes true ones so.
+const PARALLELOGRAM: f64 = 1e-13;
 
 impl Chart {
     /// The chart of `surface`; its first axis runs along v0 v1.
@@ -35,6 +40,7 @@ impl Chart {
                 f,
                 g,
                 triangle: false,
+                linear: None,
             };
         }
         let v = surface.vertices();
@@ -48,11 +54,16 @@ impl Chart {
             f: DVec2::ZERO,
             g: DVec2::ZERO,
             triangle: matches!(surface.shape, Shape::Triangle(_)),
+            linear: None,
         };
         chart.e = chart.plane(v[1]);
         chart.f = chart.plane(v[v.len() - 1]);
         if !chart.triangle {
             chart.g = chart.plane(v[2]) - chart.e - chart.f;
+        }
+        if chart.g.length() <= PARALLELOGRAM * (chart.e.length() + chart.f.length()) {
+            let across = |d: DVec2| DVec2::new(d.y, -d.x) / chart.e.perp_dot(chart.f);
+            chart.linear = Some([across(chart.f), -across(chart.e)]);
         }
         chart
     }
@@ -102,12 +113,9 @@ impl Chart {
             return DVec2::new(clamp_unit(h.x / width), clamp_unit(h.y / width));
         }
         let (e, f, g) = (self.e, self.f, self.g);
-        if self.triangle {
-            let det = e.perp_dot(f);
-            let (u, v) = (h.perp_dot(f) / det, e.perp_dot(h) / det);
-            let (u, v) = (clamp_unit(u), clamp_unit(v));
-            let outside = (u + v).max(1.0);
-            return DVec2::new(u / outside, v / outside);
+        if let Some([of_u, of_v]) = self.linear {
+            let uv = DVec2::new(clamp_unit(of_u.dot(h)), clamp_unit(of_v.dot(h)));
+            return if self.triangle { uv / (uv.x + uv.y).max(1.0) } else { uv };
         }
         let (a, b, c) = (g.perp_dot(f), h.perp_dot(g) + e.perp_dot(f), h.perp_dot(e));
         let root = (b * b - 4.0 * a * c).max(0.0).sqrt();

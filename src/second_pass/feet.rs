@@ -74,10 +74,26 @@ impl Feet {
         found
     }
 
+    /// Number of all feet.
+    pub fn len(&self) -> usize {
+        self.feet.len()
+    }
+
+    /// Where the feet of element `i` lie among all.
+    pub fn range(&self, i: usize) -> std::ops::Range<usize> {
+        self.starts[i] as usize..self.starts[i + 1] as usize
+    }
+
     /// Feet on and around element `i`.
     pub fn of(&self, i: usize) -> &[Foot] {
-        &self.feet[self.starts[i] as usize..self.starts[i + 1] as usize]
+        &self.feet[self.range(i)]
     }
+}
+
+/// The side of a foot's line that a place lies on.
+#[inline]
+pub(super) fn side_of([a, b]: Foot, place: DVec2) -> bool {
+    (b - a).perp_dot(place - a) < 0.0
 }
 
 /// The plane a little above an element.
@@ -161,9 +177,8 @@ pub(super) fn openness(feet: &[Foot], p: DVec2, q: DVec2) -> f64 {
     feet.iter().fold(1.0, |open, foot| {
         let [a, b] = *foot;
         let along = b - a;
-        let across = |at: DVec2| along.perp_dot(at - a);
         let (side_a, side_b) = (side(a), side(b));
-        if (side_a < 0.0) == (side_b < 0.0) || (across(p) < 0.0) == (across(q) < 0.0) {
+        if (side_a < 0.0) == (side_b < 0.0) || side_of(*foot, p) == side_of(*foot, q) {
             return open;
         }
         let length = along.length();

@@ -16,7 +16,7 @@
 
 use super::chart::Chart;
 use super::cover::{StandIn, covered, stand_ins};
-use super::feet::{Feet, openness};
+use super::feet::{Feet, openness, side_of};
 use super::lattice::{Lattice, sheet};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
@@ -47,6 +47,11 @@ pub struct Interpolator {
     /// By element.
     covered: Vec<bool>,
     feet: Feet,
+    /// By foot: the side of its line on which all elements lie that a place in the foot's element may take from, if they
+    /// do and none is covered.
+    common_side: Vec<Option<bool>>,
+    /// Where to begin looking for a cell.
+    buckets: Buckets,
 }
 
 /// What stands in, at most, for the elements around a place that are all parted from it, as a
@@ -107,11 +112,13 @@ impl Interpolator {
             sheet_starts[i] += sheet_starts[i - 1];
         }
         let feet = Feet::new(geometry, points, tracer, &lattice, &charts, &centres);
+        let cells: Vec<(u32, u32)> = keyed.into_iter().map(|(_, start, element)| (start, element)).collect();
+        let buckets = Buckets::new(&sheet_starts, &cells);
         let mut interpolator = Interpolator {
             triangle: geometry.surfaces.iter().map(|s| matches!(s.shape, Shape::Triangle(_))).collect(),
             charts,
             sheet_starts,
-            cells: keyed.into_iter().map(|(_, start, element)| (start, element)).collect(),
+            cells,
             elements,
             stencils: Stencils::new(&lattice, &centres, &normals),
             lattice,
@@ -119,6 +126,8 @@ impl Interpolator {
             stand_ins: Vec::new(),
             covered: Vec::new(),
             feet,
+            common_side: Vec::new(),
+            buckets,
         };
         let covered = covered(geometry, points, tracer, |surface, side, position| {
             let chart = &interpolator.charts[surface.index()];
@@ -127,7 +136,33 @@ impl Interpolator {
         });
         interpolator.stand_ins = stand_ins(&interpolator.lattice, &centres, &covered);
         interpolator.covered = covered;
+        interpolator.common_side = interpolator.common_sides(points);
         interpolator
+    }
+
+    /// See `common_side`.
+    fn common_sides(&self, points: &SamplePoints) -> Vec<Option<bool>> {
+        let mut sides = Vec::with_capacity(self.feet.len());
+        for i in 0..self.elements.len() {
+            let feet = self.feet.of(i);
+            if feet.is_empty() {
+                continue;
+            }
+            let chart = &self.charts[points.surface[i].index()];
+            let border = self.lattice.border.of(i).iter();
+            let nodes = border.flat_map(|&node| self.lattice.halved(node).unwrap_or([node, node]));
+            let rows = nodes.flat_map(|node| self.stencils.of(node as usize).iter().map(|&(e, _)| e));
+            let mut taken: Vec<u32> = rows.chain([i as u32]).collect();
+            taken.sort_unstable();
+            taken.dedup();
+            let covered = taken.iter().any(|&e| self.covered[e as usize]);
+            let place = |e: u32| chart.plane(self.elements[e as usize].centre);
+            sides.extend(feet.iter().map(|&foot| {
+                let first = side_of(foot, place(i as u32));
+                (!covered && taken.iter().all(|&e| side_of(foot, place(e)) == first)).then_some(first)
+            }));
+        }
+        sides
     }
 
     /// The covered sample points whose radiance those around them stand in for.
@@ -198,7 +233,14 @@ impl Interpolator {
         if feet.is_empty() {
             return None;
         }
-        let mut weights = vec![(i as u32, shares.centre)];
+        // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
+        let inwards = place.lerp(chart.plane(self.elements[i].centre), 1e-6);
+        let sides = &self.common_side[self.feet.range(i)];
+        if feet.iter().zip(sides).all(|(&foot, side)| *side == Some(side_of(foot, inwards))) {
+            return None;
+        }
+        let mut weights = Vec::with_capacity(32);
+        weights.push((i as u32, shares.centre));
         let mut add = |element: u32, weight: f64| match weights.iter_mut().find(|(e, _)| *e == element) {
             Some((_, sum)) => *sum += weight,
             None => weights.push((element, weight)),
@@ -212,8 +254,6 @@ impl Interpolator {
                 self.stencils.of(node as usize).iter().for_each(|&(e, w)| add(e, weight * w));
             }
         }
-        // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
-        let inwards = place.lerp(chart.plane(self.elements[i].centre), 1e-6);
         // What the covered would say they have from all sides. A place parted from all others takes what
         // it has from beyond.
         let open = |e: u32| {
@@ -250,10 +290,50 @@ impl Interpolator {
     /// The element at a place of a sheet, if the sheet has any.
     fn locate(&self, surface: usize, side: Side, uv: DVec2) -> Option<usize> {
         let sheet = sheet(surface, side);
-        let cells = &self.cells[self.sheet_starts[sheet] as usize..self.sheet_starts[sheet + 1] as usize];
         let code = if self.triangle[surface] { triangle_code(uv) } else { quad_code(uv) };
-        let after = cells.partition_point(|(start, _)| *start <= code);
-        cells.get(after.saturating_sub(1)).map(|(_, element)| *element as usize)
+        let range = self.buckets.range(sheet, code, self.sheet_starts[sheet + 1] as usize);
+        let after = self.cells[range.clone()].partition_point(|(start, _)| *start <= code);
+        self.cells[range].get(after.saturating_sub(1)).map(|(_, element)| *element as usize)
+    }
+}
+
+/// The cells of each sheet by the first digits of their place on the Morton curve.
+struct Buckets {
+    /// Per sheet: its first entry in `starts`, and by how many bits a code is too long to number a bucket.
+    sheets: Vec<(u32, u32)>,
+    /// Per bucket, and one past the last of each sheet: the cell that holds its beginning.
+    starts: Vec<u32>,
+}
+
+impl Buckets {
+    /// No more buckets than 4 to the power of this for a sheet.
+    const MAX_LEVEL: u32 = 8;
+
+    /// About as many buckets as cells for each sheet.
+    fn new(sheet_starts: &[u32], cells: &[(u32, u32)]) -> Self {
+        let mut buckets = Buckets { sheets: Vec::with_capacity(sheet_starts.len()), starts: Vec::new() };
+        for ends in sheet_starts.windows(2) {
+            let (first, end) = (ends[0], ends[1]);
+            let level = ((end - first).max(1).ilog2().div_ceil(2)).min(Self::MAX_LEVEL);
+            let shift = 32 - 2 * level;
+            buckets.sheets.push((buckets.starts.len() as u32, shift));
+            let own = &cells[first as usize..end as usize];
+            buckets.starts.extend((0..1u64 << (2 * level)).map(|bucket| {
+                let after = own.partition_point(|(start, _)| u64::from(*start) <= bucket << shift);
+                first + after.saturating_sub(1) as u32
+            }));
+            buckets.starts.push(end.saturating_sub(u32::from(end > first)));
+        }
+        buckets
+    }
+
+    /// Cells of a sheet, which ends before the cell `end`, among which the one that holds `code` is.
+    #[inline]
+    fn range(&self, sheet: usize, code: u32, end: usize) -> std::ops::Range<usize> {
+        let (first, shift) = self.sheets[sheet];
+        let bucket = first as usize + (u64::from(code) >> shift) as usize;
+        let (low, high) = (self.starts[bucket] as usize, self.starts[bucket + 1] as usize);
+        low..(high + 1).min(end)
     }
 }
 
@@ -287,12 +367,10 @@ impl DiffuseField<'_> {
             let places = &of.border_at[of.lattice.border.range(i)];
             fan(border, places, place - chart.plane(of.elements[i].centre))
         };
-        let centre = &self.centres[i * self.w..];
-        let nodes = shares.nodes.map(|node| &self.nodes[node as usize * self.w..]);
-        for (k, out) in out.iter_mut().enumerate().take(self.w) {
-            let border = nodes.iter().zip(shares.weights).map(|(l, w)| w * f64::from(l[k]));
-            *out = (shares.centre * f64::from(centre[k]) + border.sum::<f64>()).max(0.0) as f32;
-        }
+        let w = self.w;
+        let centre = &self.centres[i * w..][..w];
+        let nodes = shares.nodes.map(|node| &self.nodes[node as usize * w..][..w]);
+        blend(&shares, centre, nodes, &mut out[..w]);
         if let Some(Parted { whole, weights }) = of.parted(i, place, chart, &shares) {
             for (k, out) in out.iter_mut().enumerate().take(self.w) {
                 let of = |e: u32| f64::from(self.centres[e as usize * self.w + k]);
@@ -320,6 +398,31 @@ struct Shares {
     centre: f64,
     nodes: [u32; 3],
     weights: [f64; 3],
+}
+
+/// The spectrum of `shares` of four spectra, not negative; all are equally long. Weights of at most 1 lose nothing
+/// in `f32`. Four wavelengths at a time: counts are multiples of that, but for odd ones.
+#[inline]
+fn blend(shares: &Shares, centre: &[f32], nodes: [&[f32]; 3], out: &mut [f32]) {
+    let own = shares.centre as f32;
+    let [ta, tb, tc] = shares.weights.map(|t| t as f32);
+    let mix = |m: f32, a: f32, b: f32, c: f32| {
+        let sum = own * m + (ta * a + tb * b + tc * c);
+        if sum > 0.0 { sum } else { 0.0 }
+    };
+    let [a, b, c] = nodes;
+    let (out, out_rest) = out.as_chunks_mut::<4>();
+    let (m, m_rest) = centre.as_chunks::<4>();
+    let ((a, a_rest), (b, b_rest), (c, c_rest)) =
+        (a.as_chunks::<4>(), b.as_chunks::<4>(), c.as_chunks::<4>());
+    for ((((out, m), a), b), c) in out.iter_mut().zip(m).zip(a).zip(b).zip(c) {
+        for k in 0..4 {
+            out[k] = mix(m[k], a[k], b[k], c[k]);
+        }
+    }
+    for (k, out) in out_rest.iter_mut().enumerate() {
+        *out = mix(m_rest[k], a_rest[k], b_rest[k], c_rest[k]);
+    }
 }
 
 /// What a place parted from some elements by feet takes from others.

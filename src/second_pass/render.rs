@@ -19,8 +19,8 @@ use std::time::Instant;
 const TILE: usize = 16;
 
 /// Pixel samples of a tile that are traced together, at most: enough to feed a tracer with
-/// packets, few enough to stay in the cache.
-const BATCH: usize = 4096;
+/// packets, few enough for their rays, hits and throughputs to stay in a core's own cache.
+const BATCH: usize = 1024;
 
 /// Rounding of the distance from an eye to the surface it stands on, as a fraction of the scene's radius.
 const NEAR: f64 = 1e-12;
@@ -238,9 +238,11 @@ impl Job<'_> {
                         glossy: false,
                         medium: NO_MEDIUM,
                     };
-                    wave.push(ray, path, std::iter::repeat_n(1.0, self.w));
+                    wave.rays.push(ray);
+                    wave.paths.push(path);
                 }
             }
+            wave.throughput.resize(wave.rays.len() * self.w, 1.0);
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {

@@ -132,6 +132,9 @@ impl<'a> Scatterer<'a> {
 
         let i = -ray.direction;
         let seed = film.seeds[pixel];
+        // The rays of a rough lobe draw their own.
+        let rough = !glass && material.m > 0.0;
+        let u = if rough { [0.0; 4] } else { self.uniform(&path, seed) };
         let meeting = Meeting {
             position,
             i,
@@ -145,10 +148,10 @@ impl<'a> Scatterer<'a> {
             },
             material: self.appearance.surface_material[hit.surface.index()].0,
             path,
-            u: self.uniform(&path, seed),
+            u,
         };
         match &material.transmission {
-            None if material.m > 0.0 => self.lobe(&meeting, material, throughput, seed, film, next),
+            None if rough => self.lobe(&meeting, material, throughput, seed, film, next),
             None => {
                 material.reflect.eval(meeting.cos as f32, &mut film.reflected);
                 scale(&mut film.reflected, throughput, material.s as f32);

@@ -35,6 +35,27 @@ impl RayFrame {
         RayFrame { origin: ray.origin.to_array(), axes, shear }
     }
 
+    /// One over the largest component of the direction.
+    #[inline(always)]
+    pub fn inverse_speed(&self) -> f64 {
+        self.shear[2].abs()
+    }
+
+    /// Four vertices in the frame, given and returned coordinate by coordinate: [`RayFrame::project`] of each, to
+    /// the bit.
+    #[inline(always)]
+    pub fn project_four(&self, vertices: &[[f64; 4]; 3]) -> [[f64; 4]; 3] {
+        let [i, j, k] = self.axes;
+        let mut out = [[0.0; 4]; 3];
+        for v in 0..4 {
+            let z = vertices[k][v] - self.origin[k];
+            out[0][v] = vertices[i][v] - self.origin[i] - self.shear[0] * z;
+            out[1][v] = vertices[j][v] - self.origin[j] - self.shear[1] * z;
+            out[2][v] = self.shear[2] * z;
+        }
+        out
+    }
+
     /// A vertex in the frame; `z` is the ray parameter.
     #[inline]
     pub fn project(&self, vertex: DVec3) -> DVec3 {
@@ -53,8 +74,13 @@ pub fn edge(p: DVec3, q: DVec3) -> f64 {
         // Rounding is monotonic: it may make unequal products equal but never swap them.
         return a - b;
     }
-    // Equal once rounded: what rounding took from each decides.
-    p.x.mul_add(q.y, -a) - p.y.mul_add(q.x, -b)
+    equal_products(p, q, a)
+}
+
+/// Equal once rounded: what rounding took from each decides.
+#[cold]
+fn equal_products(p: DVec3, q: DVec3, product: f64) -> f64 {
+    p.x.mul_add(q.y, -product) - p.y.mul_add(q.x, -product)
 }
 
 /// The ray parameter of the crossing, from the edge functions opposite to the three vertices and the

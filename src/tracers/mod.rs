@@ -7,6 +7,7 @@
 pub mod brute_force;
 mod choose;
 pub mod crosscheck;
+mod cull;
 pub mod edges;
 pub mod embree;
 pub mod judge;

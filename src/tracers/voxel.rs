@@ -4,12 +4,15 @@
 //! force finds, to the bit, only sooner.
 
 use super::brute_force::{segment_ray, side_met};
+use super::cull::{Block, LANES, Line, OrientedBox};
 use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
-use crate::geometry::{Hit, Plane, Ray, Surface, SurfaceId};
+use crate::geometry::{Hit, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
+use crate::simd::{HotLoop, wide};
 use crate::voxels::{MAX_LEVEL, VoxelSettings, Voxels, Walk};
 use glam::DVec3;
+use std::cell::Cell;
 
 /// Casts rays through voxels of its own, finer than those of the visibility graph.
 #[derive(Clone, Debug)]
@@ -17,86 +20,56 @@ pub struct VoxelTracer {
     voxels: Voxels,
     surfaces: Vec<Surface>,
     facets: Vec<Facet>,
+    /// First block of each voxel: `[voxels + 1]`.
+    starts: Vec<u32>,
+    /// Boxes around the surfaces of each voxel, voxel by voxel.
+    blocks: Vec<Block>,
+    /// Distance of the furthest corner of the voxels from the local origin, m.
+    reach: f64,
 }
 
 /// A surface made ready to be hit, no larger than the inner loop needs.
 #[derive(Clone, Debug)]
 struct Facet {
-    /// The mean plane, as in [`Surface`].
-    normal: DVec3,
-    offset: f64,
-    /// All of the surface lies this close to its mean plane, rounding included, m.
-    slack: f64,
-    /// Corners as in [`Surface::triangles`]: v0 v1 v3 and v2 v3 v1. A triangle v0 v1 v2 is
+    /// Corners as in [`Surface::triangles`], v0 v1 v3 and v2 v3 v1, coordinate by coordinate. A triangle v0 v1 v2 is
     /// stored as v0 v1 (v0) v2.
-    corners: [DVec3; 4],
+    corners: [[f64; 4]; 3],
     is_triangle: bool,
     /// No polygon: the surface itself is asked.
     is_round: bool,
 }
 
-/// Surfaces already tried by one ray: a surface often meets several voxels on the way. Places are
-/// shared, and what falls out is merely tried again.
-struct Mailbox([u32; Mailbox::PLACES]);
-
-impl Mailbox {
-    const PLACES: usize = 64;
-
-    fn new() -> Self {
-        Mailbox([u32::MAX; Mailbox::PLACES])
-    }
-
-    /// Whether `id` is new.
-    #[inline]
-    fn post(&mut self, id: SurfaceId) -> bool {
-        let place = &mut self.0[id.index() % Mailbox::PLACES];
-        let new = *place != id.0;
-        *place = id.0;
-        new
-    }
-}
-
 impl Facet {
-    fn new(surface: &Surface, radius: f64) -> Self {
+    fn new(surface: &Surface) -> Self {
         let (triangles, count) = surface.triangles();
         let [a, b, d] = triangles[0];
         let c = if count == 2 { triangles[1][0] } else { a };
-        // Nothing keeps to one side of a plane without normal.
-        let plane = surface.plane().unwrap_or(Plane { normal: DVec3::ZERO, offset: 0.0 });
         Facet {
-            normal: plane.normal,
-            offset: plane.offset,
-            slack: surface.warp() + 1e-9 * radius,
-            corners: [a, b, c, d],
+            corners: [0, 1, 2].map(|k| [a[k], b[k], c[k], d[k]]),
             is_triangle: count == 1,
             is_round: count == 0,
         }
     }
 
-    /// Whether the part of the ray between the parameters keeps to one side of the surface.
-    #[inline]
-    fn keeps_off(&self, ray: &Ray, (t0, t1): (f64, f64)) -> bool {
-        let start = self.normal.dot(ray.origin) - self.offset;
-        let slope = self.normal.dot(ray.direction);
-        let (a, b) = (start + t0 * slope, start + t1 * slope);
-        a.min(b) > self.slack || a.max(b) < -self.slack
-    }
-
     /// [`super::brute_force::intersect_surface`], what the two triangles share computed once: the
     /// same bits.
-    #[inline]
+    #[inline(always)]
     fn intersect(&self, ray: &Ray, frame: &RayFrame) -> Option<f64> {
-        let [a, b, c, d] = self.corners.map(|v| frame.project(v));
-        let [v0, v1, v2, v3] = self.corners;
+        let [x, y, z] = frame.project_four(&self.corners);
+        let at = |v: usize| DVec3::new(x[v], y[v], z[v]);
+        let [a, b, c, d] = [at(0), at(1), at(2), at(3)];
         let diagonal = edge(d, b);
-        let counts = |t: f64, corners| t > ray.t_min && t < ray.t_max && is_in_box(ray, t, corners);
+        let counts = |t: f64, corners: [usize; 3]| {
+            let corner = |v: usize| DVec3::new(self.corners[0][v], self.corners[1][v], self.corners[2][v]);
+            t > ray.t_min && t < ray.t_max && is_in_box(ray, t, corners.map(corner))
+        };
         let first = crossing([diagonal, edge(a, d), edge(b, a)], [a.z, b.z, d.z]);
-        let first = first.filter(|&t| counts(t, [v0, v1, v3]));
+        let first = first.filter(|&t| counts(t, [0, 1, 3]));
         if self.is_triangle {
             return first;
         }
         let second = crossing([-diagonal, edge(c, b), edge(d, c)], [c.z, d.z, b.z]);
-        let second = second.filter(|&t| counts(t, [v2, v3, v1]));
+        let second = second.filter(|&t| counts(t, [2, 3, 1]));
         match (first, second) {
             (Some(s), Some(t)) => Some(s.min(t)),
             (s, t) => s.or(t),
@@ -112,21 +85,33 @@ impl VoxelTracer {
 
     /// A tracer with voxels of a given fineness.
     pub fn with_settings(geometry: &Geometry, settings: &VoxelSettings) -> Self {
+        let voxels = Voxels::build(geometry, settings);
+        let boxes: Vec<OrientedBox> = geometry.surfaces.iter().map(OrientedBox::around).collect();
+        let (mut starts, mut blocks) = (vec![0], Vec::new());
+        for v in 0..voxels.len() {
+            let lists = voxels.surfaces_of(v).chunks(LANES);
+            blocks.extend(lists.map(|ids| Block::new(ids.iter().map(|id| (id.0, boxes[id.index()])))));
+            starts.push(blocks.len() as u32);
+        }
+        let bounds = voxels.scene_bounds();
         VoxelTracer {
-            voxels: Voxels::build(geometry, settings),
             surfaces: geometry.surfaces.clone(),
-            facets: geometry.surfaces.iter().map(|s| Facet::new(s, geometry.radius)).collect(),
+            facets: geometry.surfaces.iter().map(Facet::new).collect(),
+            starts,
+            blocks,
+            reach: bounds.min.abs().max(bounds.max.abs()).length(),
+            voxels,
         }
     }
 
     /// Settings for `surfaces` surfaces.
     fn settings(surfaces: usize) -> VoxelSettings {
-        let level = 5 + surfaces.max(1).ilog2() as u8;
-        VoxelSettings { max_objects: 3, max_level: level.min(MAX_LEVEL) }
+        let level = 3 + surfaces.max(1).ilog2() as u8;
+        VoxelSettings { max_objects: LANES, max_level: level.min(MAX_LEVEL) }
     }
 
     /// Where `ray`, whose frame this is, meets surface `id` first.
-    #[inline]
+    #[inline(always)]
     fn meet(&self, id: SurfaceId, ray: &Ray, frame: &RayFrame) -> Option<f64> {
         let facet = &self.facets[id.index()];
         if facet.is_round {
@@ -139,6 +124,126 @@ impl VoxelTracer {
     pub fn voxels(&self) -> &Voxels {
         &self.voxels
     }
+
+    #[inline(always)]
+    fn blocks_of(&self, voxel: usize) -> &[Block] {
+        &self.blocks[self.starts[voxel] as usize..self.starts[voxel + 1] as usize]
+    }
+
+    /// Calls `meet` with what the ray meets, voxel by voxel and in no order within a voxel, until it says that
+    /// no more is wanted: it is also told where the voxel ends. A surface may come several times.
+    #[inline(always)]
+    fn walk(
+        &self,
+        ray: &Ray,
+        mut meet: impl FnMut(f64, SurfaceId) -> bool,
+        mut goes_on: impl FnMut(f64) -> bool,
+    ) {
+        let Some(walk) = Walk::new(&self.voxels, ray) else { return };
+        let (start, end) = walk.limits();
+        let frame = RayFrame::new(ray);
+        // The line's parameter runs from the start, its largest component at speed 1.
+        let slow = frame.inverse_speed();
+        let speed = ray.direction.abs().max_element();
+        let line = Line::new(ray.at(start), slow * ray.direction, ray.origin, self.reach);
+        for step in walk {
+            let (t0, t1) = (step.t_enter, step.t_exit.min(end));
+            let (middle, reach) = ((0.5 * (t0 + t1) - start) * speed, 0.5 * (t1 - t0) * speed);
+            for block in self.blocks_of(step.voxel) {
+                let mut candidates = block.candidates(&line, middle as f32, reach as f32);
+                while candidates != 0 {
+                    let id = block.ids[candidates.trailing_zeros() as usize / 8];
+                    candidates &= candidates - 1;
+                    if let Some(t) = self.meet(SurfaceId(id), ray, &frame)
+                        && !meet(t, SurfaceId(id))
+                    {
+                        return;
+                    }
+                }
+            }
+            if !goes_on(step.t_exit) {
+                return;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn nearest(&self, ray: &Ray) -> Option<Hit> {
+        let best = Cell::new((f64::INFINITY, SurfaceId(u32::MAX)));
+        let meet = |t: f64, id: SurfaceId| {
+            let (s, other) = best.get();
+            // Of surfaces met at once the first counts, in whatever order they are tried.
+            if t < s || t == s && id < other {
+                best.set((t, id));
+            }
+            true
+        };
+        // A hit beyond this voxel may have a nearer one before it in the voxels between.
+        self.walk(ray, meet, |t_exit| best.get().0 > t_exit);
+        let (t, surface) = best.get();
+        let surface_met = self.surfaces.get(surface.index())?;
+        Some(Hit { surface, t, side: side_met(surface_met, ray, t) })
+    }
+
+    #[inline(always)]
+    fn any(&self, segment: &Segment) -> Option<SurfaceId> {
+        let mut blocker = None;
+        let meet = |_, id| {
+            blocker = Some(id);
+            false
+        };
+        self.walk(&segment_ray(segment), meet, |_| true);
+        blocker
+    }
+}
+
+/// [`RayTracer::closest`] compiled for wide registers, and so on.
+struct Nearest<'a>(&'a VoxelTracer, &'a Ray);
+
+impl HotLoop for Nearest<'_> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Hit> {
+        self.0.nearest(self.1)
+    }
+}
+
+struct NearestOfMany<'a>(&'a VoxelTracer, &'a [Ray], &'a mut [Option<Hit>]);
+
+impl HotLoop for NearestOfMany<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (ray, hit) in self.1.iter().zip(self.2) {
+            *hit = self.0.nearest(ray);
+        }
+    }
+}
+
+struct Any<'a>(&'a VoxelTracer, &'a Segment);
+
+impl HotLoop for Any<'_> {
+    type Output = Option<SurfaceId>;
+
+    #[inline(always)]
+    fn run(self) -> Option<SurfaceId> {
+        self.0.any(self.1)
+    }
+}
+
+struct AnyOfMany<'a>(&'a VoxelTracer, &'a [Segment], &'a mut [bool]);
+
+impl HotLoop for AnyOfMany<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (segment, blocked) in self.1.iter().zip(self.2) {
+            *blocked = self.0.any(segment).is_some();
+        }
+    }
 }
 
 impl RayTracer for VoxelTracer {
@@ -147,48 +252,18 @@ impl RayTracer for VoxelTracer {
     }
 
     fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let walk = Walk::new(&self.voxels, ray)?;
-        let (limits, frame) = (walk.limits(), RayFrame::new(ray));
-        let mut mailbox = Mailbox::new();
-        let mut best: Option<(f64, SurfaceId)> = None;
-        for step in walk {
-            for &id in self.voxels.surfaces_of(step.voxel) {
-                let facet = &self.facets[id.index()];
-                if !mailbox.post(id) || facet.keeps_off(ray, limits) {
-                    continue;
-                }
-                if let Some(t) = self.meet(id, ray, &frame) {
-                    // Of surfaces met at once the first counts, in whatever order they are tried.
-                    if best.is_none_or(|(s, other)| t < s || t == s && id < other) {
-                        best = Some((t, id));
-                    }
-                }
-            }
-            // A hit beyond this voxel may have a nearer one before it in the voxels between.
-            if best.is_some_and(|(t, _)| t <= step.t_exit) {
-                break;
-            }
-        }
-        best.map(|(t, surface)| {
-            let side = side_met(&self.surfaces[surface.index()], ray, t);
-            Hit { surface, t, side }
-        })
+        wide(Nearest(self, ray))
+    }
+
+    fn closest_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        wide(NearestOfMany(self, rays, hits));
+    }
+
+    fn occluded_batch(&self, segments: &[Segment], blocked: &mut [bool]) {
+        wide(AnyOfMany(self, segments, blocked));
     }
 
     fn blocker(&self, segment: &Segment) -> Option<SurfaceId> {
-        let ray = segment_ray(segment);
-        let walk = Walk::new(&self.voxels, &ray)?;
-        let (limits, frame) = (walk.limits(), RayFrame::new(&ray));
-        let mut mailbox = Mailbox::new();
-        for step in walk {
-            for &id in self.voxels.surfaces_of(step.voxel) {
-                let facet = &self.facets[id.index()];
-                if mailbox.post(id) && !facet.keeps_off(&ray, limits) && self.meet(id, &ray, &frame).is_some()
-                {
-                    return Some(id);
-                }
-            }
-        }
-        None
+        wide(Any(self, segment))
     }
 }

@@ -1,7 +1,7 @@
 //! Recursive halving of the scene's box.
 
 use super::overlap::{round_meets_box, triangle_meets_box};
-use super::{MAX_LEVEL, PADDING, VoxelSettings, Voxels};
+use super::{MAX_LEVEL, PADDING, VOXEL_BITS, VoxelSettings, Voxels};
 use crate::geometry::{Aabb, SurfaceId};
 use crate::scene::Geometry;
 use glam::DVec3;
@@ -145,9 +145,19 @@ impl Voxels {
         let finest = frame.halvings(level);
         let planes = [0, 1, 2]
             .map(|a| (0..=1u32 << finest[a]).map(|i| frame.plane(a, i, finest[a])).collect::<Vec<f64>>());
+        let last = |a: usize| planes[a][planes[a].len() - 1];
         let mut voxels = Voxels {
             min: frame.min,
-            size: frame.size,
+            max: DVec3::new(last(0), last(1), last(2)),
+            cells_per_length: [0, 1, 2].map(|a| f64::from(1u32 << finest[a]) / frame.size[a]),
+            cell_size: [0, 1, 2].map(|a| frame.size[a] / f64::from(1u32 << finest[a])),
+            halvings: finest,
+            masks: (0..=level)
+                .map(|l| {
+                    let halvings = frame.halvings(l);
+                    [0, 1, 2].map(|a| (1 << (finest[a] - halvings[a])) - 1)
+                })
+                .collect(),
             planes,
             index: vec![0; 1 << level],
             cells: Vec::with_capacity(leaves.len()),
@@ -158,6 +168,7 @@ impl Voxels {
         let (nx, ny) = (1usize << finest[0], 1usize << finest[1]);
         for (v, node) in leaves.iter().enumerate() {
             let halvings = frame.halvings(node.level);
+            let entry = u32::from(node.level) << VOXEL_BITS | v as u32;
             let cells = [0, 1, 2].map(|a| {
                 let shift = finest[a] - halvings[a];
                 [node.place[a] << shift, (node.place[a] + 1) << shift]
@@ -165,7 +176,7 @@ impl Voxels {
             for k in cells[2][0]..cells[2][1] {
                 for j in cells[1][0]..cells[1][1] {
                     let row = (k as usize * ny + j as usize) * nx;
-                    voxels.index[row + cells[0][0] as usize..row + cells[0][1] as usize].fill(v as u32);
+                    voxels.index[row + cells[0][0] as usize..row + cells[0][1] as usize].fill(entry);
                 }
             }
             voxels.cells.push(cells);

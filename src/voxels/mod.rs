@@ -22,6 +22,9 @@ pub const MAX_LEVEL: u8 = 21;
 /// past a surface that lies on the face of a voxel.
 pub const PADDING: f64 = 1e-7;
 
+/// Bits of an entry of SI that number the voxel; there are no more voxels than cells.
+const VOXEL_BITS: u32 = 27;
+
 /// When to stop halving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VoxelSettings {
@@ -44,11 +47,19 @@ impl Default for VoxelSettings {
 pub struct Voxels {
     /// Lowest corner of the padded box of the scene, m.
     min: DVec3,
-    /// Edge lengths of that box, all positive, m.
-    size: DVec3,
     /// Coordinates of the planes between cells of SI, for each axis: `[cells + 1]`, m.
     planes: [Vec<f64>; 3],
-    /// SI: the voxel of each cell, x fastest.
+    /// The upper corner of the box, m.
+    max: DVec3,
+    /// Cells of SI in a metre, along each axis.
+    cells_per_length: [f64; 3],
+    /// Edge lengths of a cell of SI, m.
+    cell_size: [f64; 3],
+    /// Cells of SI along each axis, as powers of two.
+    halvings: [u32; 3],
+    /// By level: one less than the cells of SI that a voxel has along each axis, a power of two.
+    masks: Vec<[u32; 3]>,
+    /// SI: the voxel of each cell, and its level above [`VOXEL_BITS`]; x fastest.
     index: Vec<u32>,
     /// Per voxel: its cells of SI along each axis, first and one past the last.
     cells: Vec<[[u32; 2]; 3]>,
@@ -105,8 +116,7 @@ impl Voxels {
 
     /// The padded box of the scene, m: all voxels together.
     pub fn scene_bounds(&self) -> Aabb {
-        let last = |a: usize| self.planes[a][self.planes[a].len() - 1];
-        Aabb { min: self.min, max: DVec3::new(last(0), last(1), last(2)) }
+        Aabb { min: self.min, max: self.max }
     }
 
     /// The surfaces that meet voxel `v` or come within [`PADDING`] of it, by increasing number.
@@ -127,16 +137,11 @@ impl Voxels {
         }
     }
 
-    /// Cells of SI along `axis`.
-    fn cells_along(&self, axis: usize) -> u32 {
-        self.planes[axis].len() as u32 - 1
-    }
-
     /// The cell along `axis` that holds coordinate `x`, kept within the box; 0 for NaN.
     fn cell_along(&self, axis: usize, x: f64) -> u32 {
-        let n = self.cells_along(axis);
+        let n = 1u32 << self.halvings[axis];
         // The cast saturates, so what is not a number or far away is safe.
-        (((x - self.min[axis]) * (f64::from(n) / self.size[axis])) as u32).min(n - 1)
+        (((x - self.min[axis]) * self.cells_per_length[axis]) as u32).min(n - 1)
     }
 
     /// The cell of SI that holds `p`.
@@ -144,9 +149,16 @@ impl Voxels {
         [0, 1, 2].map(|a| self.cell_along(a, p[a]))
     }
 
-    /// SI[i, j, k].
-    fn voxel_at(&self, [i, j, k]: [u32; 3]) -> usize {
-        let (nx, ny) = (self.cells_along(0) as usize, self.cells_along(1) as usize);
-        self.index[(k as usize * ny + j as usize) * nx + i as usize] as usize
+    /// The voxel SI[i, j, k].
+    fn voxel_at(&self, cell: [u32; 3]) -> usize {
+        self.entry(cell).0
+    }
+
+    /// The voxel SI[i, j, k], and the mask of its level.
+    #[inline(always)]
+    fn entry(&self, [i, j, k]: [u32; 3]) -> (usize, [u32; 3]) {
+        let [nx, ny, _] = self.halvings;
+        let entry = self.index[(((k << ny | j) << nx) | i) as usize];
+        ((entry & ((1 << VOXEL_BITS) - 1)) as usize, self.masks[(entry >> VOXEL_BITS) as usize])
     }
 }

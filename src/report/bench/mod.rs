@@ -2,6 +2,8 @@
 
 pub mod hall;
 pub mod scale;
+pub mod second_pass;
+pub mod tracers;
 
 use crate::error::{Error, Result};
 use crate::points::{Sampling, divide_by_area};

@@ -5,6 +5,7 @@ use crate::geometry::{Hit, Ray, SurfaceId};
 use crate::scene::Geometry;
 use crate::tracers::{RayTracer, Segment};
 use std::convert::Infallible;
+use std::marker::PhantomData;
 
 /// The version of Embree that is loaded: none in this build.
 pub fn available() -> Option<String> {
@@ -25,6 +26,26 @@ impl EmbreeTracer {
              libembree-dev libclang-dev) or choose the voxel tracer"
                 .into(),
         ))
+    }
+
+    /// Rays made ready for a bare loop: never, in this build.
+    pub fn bare_loop(&self, _rays: &[Ray]) -> BareLoop<'_> {
+        match self.0 {}
+    }
+}
+
+/// See [`EmbreeTracer::bare_loop`].
+pub struct BareLoop<'a>(Infallible, PhantomData<&'a ()>);
+
+impl BareLoop<'_> {
+    /// Traces all rays.
+    pub fn run(&mut self) -> usize {
+        match self.0 {}
+    }
+
+    /// Traces all rays on this thread.
+    pub fn run_here(&mut self) -> usize {
+        match self.0 {}
     }
 }
 

@@ -2,11 +2,12 @@
 
 use super::raw::{self, EMPTY_RAY, LARGEST, NO_HIT, lux_hit, lux_ray, lux_round};
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Hit, Ray, Round, Shape, Surface, SurfaceId};
+use crate::geometry::{Aabb, Hit, Ray, Round, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::tracers::brute_force::{self, BruteForce, side_met};
 use crate::tracers::{RayTracer, Segment};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Rays per call: what fits the first-level cache with its answers.
 const BATCH: usize = 256;
@@ -38,6 +39,7 @@ pub fn available() -> Option<String> {
 pub struct EmbreeTracer {
     scene: raw::Scene,
     surfaces: Vec<Surface>,
+    faces: Vec<Face>,
     /// Distance of the furthest corner from the local origin, m.
     radius: f64,
     /// Lengths in Embree's scene over lengths in ours.
@@ -63,7 +65,8 @@ impl EmbreeTracer {
         for (i, surface) in geometry.surfaces.iter().enumerate() {
             if let Some(round) = surface.round() {
                 let bounds = round.bounds();
-                if !(bounds.min.abs().max(bounds.max.abs()).max_element() <= f64::from(LARGEST)) {
+                let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+                if reach.is_nan() || reach > f64::from(LARGEST) {
                     return Err(Error::Tracer(format!("surface {i} is no place: {round:?}")));
                 }
                 rounds.push(in_unit_scene(&round, i as u32, f64::from(scale)));
@@ -83,23 +86,57 @@ impl EmbreeTracer {
         }
         let scene = raw::Scene::new(&vertices, &quads, &ids, &rounds).map_err(Error::Tracer)?;
         let version = available().unwrap_or_default();
-        Ok(EmbreeTracer { scene, surfaces: geometry.surfaces.clone(), radius, scale, version })
+        Ok(EmbreeTracer {
+            scene,
+            surfaces: geometry.surfaces.clone(),
+            faces: geometry.surfaces.iter().map(Face::new).collect(),
+            radius,
+            scale,
+            version,
+        })
+    }
+
+    /// Rays made ready to be traced again and again with as little around Embree as can be: the ceiling
+    /// of everything that casts them.
+    pub fn bare_loop(&self, rays: &[Ray]) -> BareLoop<'_> {
+        let rays: Vec<_> = rays.iter().map(|ray| Query::new(ray, self.radius, self.scale).ray).collect();
+        let found = vec![NO_HIT; rays.len()];
+        BareLoop { scene: &self.scene, rays, found }
     }
 
     /// The `f64` hit behind Embree's answer to `query`, looking further along the ray while what Embree
     /// met turns out to lie at or before the ray's start, or beside the surface: all of Embree's tests are noise for
     /// a triangle in whose plane the ray runs.
-    fn decide(&self, ray: &Ray, query: &Query, mut found: lux_hit) -> Option<Hit> {
-        for _ in 0..TURNS {
-            let surface = self.surfaces.get(found.surface as usize)?;
-            let rough = query.parameter(found.t);
-            let t = surface_parameter(ray, surface, found.half)
-                .filter(|t| (t - rough).abs() * query.length <= 1e-3 * self.radius)
-                .unwrap_or(rough);
-            if t > ray.t_min && self.is_near(surface, ray, t) {
-                let side = side_met(surface, ray, t);
-                return (t < ray.t_max).then_some(Hit { surface: SurfaceId(found.surface), t, side });
-            }
+    #[inline]
+    fn decide(&self, ray: &Ray, query: &Query, found: lux_hit) -> Option<Hit> {
+        let face = self.faces.get(found.surface as usize)?;
+        match self.confirm(ray, query, face, found) {
+            Some(t) => self.within(ray, found.surface, t),
+            None => self.look_beyond(ray, query, found),
+        }
+    }
+
+    /// The `f64` parameter of what Embree met, if it counts but for the far limit.
+    #[inline]
+    fn confirm(&self, ray: &Ray, query: &Query, face: &Face, found: lux_hit) -> Option<f64> {
+        let rough = query.parameter(found.t);
+        let t = face
+            .parameter(ray, found.half)
+            .filter(|t| (t - rough).abs() * query.length <= 1e-3 * self.radius)
+            .unwrap_or(rough);
+        (t > ray.t_min && self.is_near(face, ray, t)).then_some(t)
+    }
+
+    #[inline]
+    fn within(&self, ray: &Ray, surface: u32, t: f64) -> Option<Hit> {
+        let side = side_met(&self.surfaces[surface as usize], ray, t);
+        (t < ray.t_max).then_some(Hit { surface: SurfaceId(surface), t, side })
+    }
+
+    /// What lies beyond a hit that does not count.
+    #[cold]
+    fn look_beyond(&self, ray: &Ray, query: &Query, mut found: lux_hit) -> Option<Hit> {
+        for _ in 1..TURNS {
             // A denormal would not move on: Embree runs with denormals taken as zero.
             let beyond = found.t.max(f32::MIN_POSITIVE).next_up();
             let mut rest = [lux_ray { t_min: beyond, ..query.ray }];
@@ -109,17 +146,21 @@ impl EmbreeTracer {
                 return None;
             }
             found = next[0];
+            let face = self.faces.get(found.surface as usize)?;
+            if let Some(t) = self.confirm(ray, query, face, found) {
+                return self.within(ray, found.surface, t);
+            }
         }
         // A triangle in whose plane the ray runs may be met again and again, a step of f32 further each time.
         BruteForce::over(&self.surfaces).closest(ray)
     }
 
     /// Whether the point at `t` lies in the surface's box, as far as `f32` can tell.
-    fn is_near(&self, surface: &Surface, ray: &Ray, t: f64) -> bool {
+    #[inline]
+    fn is_near(&self, face: &Face, ray: &Ray, t: f64) -> bool {
         let slack = 2.0 * LIMIT_ULPS * f64::from(f32::EPSILON) * self.radius
-            + 8.0 * f64::EPSILON * ray.origin.length();
-        let bounds = surface.bounds();
-        Aabb { min: bounds.min - slack, max: bounds.max + slack }.contains(ray.at(t))
+            + 8.0 * f64::EPSILON * length_bound(ray.origin);
+        Aabb { min: face.bounds.min - slack, max: face.bounds.max + slack }.contains(ray.at(t))
     }
 
     fn occluded_chunk(&self, segments: &[Segment], blocked: &mut [bool]) {
@@ -135,16 +176,17 @@ impl EmbreeTracer {
     }
 
     fn closest_chunk(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        let mut queries = [EMPTY_RAY; BATCH];
-        let mut found = [NO_HIT; BATCH];
-        for (query, ray) in queries.iter_mut().zip(rays) {
-            *query = Query::new(ray, self.radius, self.scale).ray;
+        let mut queries = [Query { ray: EMPTY_RAY, length: 0.0, moved: 0.0, scale: 1.0 }; BATCH];
+        let (mut asked, mut found) = ([EMPTY_RAY; BATCH], [NO_HIT; BATCH]);
+        for ((query, asked), ray) in queries.iter_mut().zip(&mut asked).zip(rays) {
+            *query = Query::new(ray, self.radius, self.scale);
+            *asked = query.ray;
         }
-        self.scene.closest(&mut queries[..rays.len()], &mut found);
-        for ((hit, ray), found) in hits.iter_mut().zip(rays).zip(found) {
+        self.scene.closest(&mut asked[..rays.len()], &mut found);
+        for (((hit, ray), query), found) in hits.iter_mut().zip(rays).zip(&queries).zip(found) {
             *hit = match found.surface {
                 raw::LUX_MISS => None,
-                _ => self.decide(ray, &Query::new(ray, self.radius, self.scale), found),
+                _ => self.decide(ray, query, found),
             };
         }
     }
@@ -179,8 +221,37 @@ impl RayTracer for EmbreeTracer {
     }
 }
 
+/// See [`EmbreeTracer::bare_loop`].
+pub struct BareLoop<'a> {
+    scene: &'a raw::Scene,
+    rays: Vec<lux_ray>,
+    found: Vec<lux_hit>,
+}
+
+impl BareLoop<'_> {
+    /// Traces all rays in packets of 16, on all threads of the current pool, and keeps parameter and surface.
+    /// Returns how many hit something.
+    pub fn run(&mut self) -> usize {
+        let scene = self.scene;
+        let (rays, found) = (self.rays.par_chunks_mut(1 << 12), self.found.par_chunks_mut(1 << 12));
+        rays.zip(found).for_each(|(rays, found)| scene.closest(rays, found));
+        self.hits()
+    }
+
+    /// [`BareLoop::run`] on this thread alone.
+    pub fn run_here(&mut self) -> usize {
+        self.scene.closest(&mut self.rays, &mut self.found);
+        self.hits()
+    }
+
+    fn hits(&self) -> usize {
+        self.found.iter().filter(|hit| hit.surface != raw::LUX_MISS).count()
+    }
+}
+
 /// A ray as Embree sees it: unit direction, so that its parameter is a length, and an origin that is
 /// moved up to the scene if it lies far before it, so that rounding it to `f32` costs nothing.
+#[derive(Clone, Copy)]
 struct Query {
     ray: lux_ray,
     /// Length of the caller's direction.
@@ -192,16 +263,17 @@ struct Query {
 }
 
 impl Query {
+    #[inline]
     fn new(ray: &Ray, radius: f64, scale: f32) -> Self {
         let scale = f64::from(scale);
         let length = ray.direction.length();
-        let unit = ray.direction / length;
+        let unit = ray.direction * (1.0 / length);
         let (start, end) = (ray.t_min * length, ray.t_max * length);
         // No surface lies before the tangent plane of the sphere around the scene.
         let entry = -ray.origin.dot(unit) - 1.01 * radius;
         let moved = if entry > 0.0 || start < 0.0 { start.max(entry) } else { 0.0 };
         let origin = ray.origin + moved * unit;
-        let slack = LIMIT_ULPS * f64::from(f32::EPSILON) * (radius + origin.length());
+        let slack = LIMIT_ULPS * f64::from(f32::EPSILON) * (radius + length_bound(origin));
         let limited = lux_ray {
             origin: (scale * origin).as_vec3().to_array(),
             t_min: (scale * (start - moved - slack)).max(0.0) as f32,
@@ -214,9 +286,16 @@ impl Query {
     }
 
     /// The caller's ray parameter at Embree's.
+    #[inline]
     fn parameter(&self, t: f32) -> f64 {
         (self.moved + f64::from(t) / self.scale) / self.length
     }
+}
+
+/// No less than the length of `v`, and no more than √3 times it: without a root.
+#[inline]
+fn length_bound(v: DVec3) -> f64 {
+    v.x.abs() + v.y.abs() + v.z.abs()
 }
 
 /// The ray from one end of a segment to the other, less its margins. A segment that is not finite
@@ -231,21 +310,34 @@ fn segment_ray(segment: &Segment, scale: f32) -> lux_ray {
     }
 }
 
-/// Where `ray` crosses the plane of the triangle met, or the disc or sphere, by the same formula as the brute force
-/// tracer; `None` if it runs along it.
-fn surface_parameter(ray: &Ray, surface: &Surface, half: u32) -> Option<f64> {
-    let [a, b, c] = match (surface.shape, half) {
-        (Shape::Disc(_) | Shape::Sphere(_), _) => {
-            let t = surface.round()?.crossings(ray)[half.min(1) as usize];
-            return t.is_finite().then_some(t);
-        }
-        (Shape::Quad([_, v1, v2, v3]), 1) => [v2, v3, v1],
-        (Shape::Quad([v0, v1, _, v3]), _) => [v0, v1, v3],
-        (Shape::Triangle(t), _) => t,
-    };
-    let normal = (b - a).cross(c - a);
-    let t = normal.dot(a - ray.origin) / normal.dot(ray.direction);
-    t.is_finite().then_some(t)
+/// What confirming a hit needs to know of a surface.
+struct Face {
+    /// A corner and the normal, of any length, of the triangles v0 v1 v3 and v2 v3 v1.
+    planes: [[DVec3; 2]; 2],
+    round: Option<Round>,
+    bounds: Aabb,
+}
+
+impl Face {
+    fn new(surface: &Surface) -> Self {
+        let plane = |[a, b, c]: [DVec3; 3]| [a, (b - a).cross(c - a)];
+        let (triangles, _) = surface.triangles();
+        Face { planes: triangles.map(plane), round: surface.round(), bounds: surface.bounds() }
+    }
+
+    /// Where `ray` crosses the plane of the triangle met, or the disc or sphere, by the same formula as the brute
+    /// force tracer; `None` if it runs along it.
+    #[inline]
+    fn parameter(&self, ray: &Ray, half: u32) -> Option<f64> {
+        let t = match &self.round {
+            Some(round) => round.crossings(ray)[half.min(1) as usize],
+            None => {
+                let [a, normal] = self.planes[usize::from(half == 1)];
+                normal.dot(a - ray.origin) / normal.dot(ray.direction)
+            }
+        };
+        t.is_finite().then_some(t)
+    }
 }
 
 /// A disc or sphere as Embree's scene has it.

@@ -16,4 +16,4 @@ mod disabled;
 #[cfg(not(feature = "embree"))]
 use disabled as implementation;
 
-pub use implementation::{EmbreeTracer, available};
+pub use implementation::{BareLoop, EmbreeTracer, available};

@@ -70,7 +70,7 @@ impl Scene {
         })
     }
 
-    /// The closest hit of each ray. Rays that Embree must not see become empty.
+    /// The closest hit of each ray, in packets of 16 as far as there are so many. Rays that Embree must not see become empty.
     pub fn closest(&self, rays: &mut [lux_ray], hits: &mut [lux_hit]) {
         let count = rays.len().min(hits.len());
         empty_unsafe(rays);

@@ -1,0 +1,223 @@
+//! What a ray cannot meet, eight surfaces at a time in `f32`.
+//!
+//! Every surface lies in an oriented box: flat surfaces in one without thickness, so that the test is nearly as
+//! sharp as the surface itself. The test may keep what the ray misses but never drops what it meets: its
+//! bound on rounding is derived in [`Line`]. What it keeps is decided in `f64`.
+
+use crate::geometry::Surface;
+use glam::{DMat3, DVec3};
+
+/// Boxes side by side: one register of AVX2.
+pub(super) const LANES: usize = 8;
+
+/// A box turned to fit what lies in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OrientedBox {
+    /// Unit axes as columns; along the last it is thinnest.
+    axes: DMat3,
+    /// Along the axes, m.
+    centre: DVec3,
+    /// Half edge lengths, m.
+    half: DVec3,
+}
+
+impl OrientedBox {
+    /// A box around `surface`: flat, its first axis along an edge, where the surface is.
+    pub fn around(surface: &Surface) -> Self {
+        let n = surface.plane().map_or(DVec3::Z, |plane| plane.normal);
+        if let Some(round) = surface.round() {
+            let x = n.any_orthonormal_vector();
+            let axes = DMat3::from_cols(x, n.cross(x), n);
+            let radius = round.radius();
+            let half = DVec3::new(radius, radius, if surface.is_planar() { 0.0 } else { radius });
+            return OrientedBox { axes, centre: axes.transpose() * round.centre(), half };
+        }
+        let corners = surface.vertices();
+        let along = corners[1] - corners[0];
+        let x = (along - along.dot(n) * n).try_normalize().unwrap_or_else(|| n.any_orthonormal_vector());
+        let axes = DMat3::from_cols(x, n.cross(x), n);
+        let places = corners.iter().map(|&v| axes.transpose() * v);
+        let (low, high) =
+            places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        OrientedBox { axes, centre: 0.5 * (low + high), half: 0.5 * (high - low) }
+    }
+}
+
+/// Eight boxes, structure of arrays.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub(super) struct Block {
+    /// For each axis: its three components and the centre along it.
+    axes: [[[f32; LANES]; 4]; 3],
+    /// Half edge lengths.
+    half: [[f32; LANES]; 3],
+    /// Which lanes hold a box: byte `l` is 1 or 0 for lane `l`.
+    used: u64,
+    /// What the boxes hold.
+    pub ids: [u32; LANES],
+}
+
+impl Block {
+    /// A block of at most eight boxes, with what they hold.
+    pub fn new(boxes: impl IntoIterator<Item = (u32, OrientedBox)>) -> Self {
+        let mut block =
+            Block { axes: [[[0.0; LANES]; 4]; 3], half: [[0.0; LANES]; 3], used: 0, ids: [u32::MAX; LANES] };
+        for (lane, (id, fit)) in boxes.into_iter().take(LANES).enumerate() {
+            for k in 0..3 {
+                let axis = fit.axes.col(k).as_vec3();
+                let row = [axis.x, axis.y, axis.z, fit.centre[k] as f32];
+                for (values, value) in block.axes[k].iter_mut().zip(row) {
+                    values[lane] = value;
+                }
+                block.half[k][lane] = fit.half[k] as f32;
+            }
+            block.ids[lane] = id;
+            block.used |= 1 << (8 * lane);
+        }
+        block
+    }
+
+    /// The lanes of which `line` may meet the box between the parameters `middle - reach` and `middle + reach` of
+    /// the line: byte `l` is 1 or 0 for lane `l`.
+    ///
+    /// In the frame of a box with half edges h, the line o + t d meets it only if it comes close enough along the
+    /// thin axis n within the limits, and if its projections along the other axes, u and v, do not pass it by:
+    /// |o_u d_n - o_n d_u| <= h_u |d_n| + h_n |d_u|.
+    #[inline(always)]
+    pub fn candidates(&self, line: &Line, middle: f32, reach: f32) -> u64 {
+        let [x, y, z] = line.origin;
+        let [dx, dy, dz] = line.direction;
+        let mut missed = [0u8; LANES];
+        for l in 0..LANES {
+            let origin = |k: usize| {
+                let [ax, ay, az, c] = &self.axes[k];
+                ax[l] * x + ay[l] * y + az[l] * z - c[l]
+            };
+            let direction = |k: usize| {
+                let [ax, ay, az, _] = &self.axes[k];
+                ax[l] * dx + ay[l] * dy + az[l] * dz
+            };
+            let [half_u, half_v, half_n] = [self.half[0][l], self.half[1][l], self.half[2][l] + line.error];
+            let (o_n, d_n) = (origin(2), direction(2));
+            let beyond = (o_n + middle * d_n).abs() - (half_n + reach * d_n.abs());
+            let beside = |k: usize, half: f32| {
+                let (o, d) = (origin(k), direction(k));
+                (o * d_n - o_n * d).abs() - (half * d_n.abs() + half_n * d.abs() + line.error)
+            };
+            let miss = larger(beyond, larger(beside(0, half_u), beside(1, half_v)));
+            // What is not a number decides nothing.
+            missed[l] = u8::from(miss > 0.0);
+        }
+        !u64::from_le_bytes(missed) & self.used
+    }
+}
+
+/// The larger of two, `b` where one is not a number: an instruction.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// A ray in `f32`: a start within the scene's box and a direction of which the largest component is 1.
+///
+/// The bound: let R be the largest distance of start and box centres from the local origin and u = 2⁻²⁴. The direction
+/// is at most D = √3 long. Rounding the start, the direction, an axis and a centre and summing costs at most
+/// 16 u R for a coordinate of the start in a box's frame (at most 2 R), and 8 u D for one of the direction (at most D).
+/// Along n, where the limits, times D, are at most 4 R, that makes 16 u R + 4 R · 8 u, and 16 u R for the limits and the last
+/// sums: 64 u R. Beside, each of two products errs by 2 R · 8 u D + 16 u R D, each of two half edges (at most 2 R) times a
+/// direction by 20 u R D, and the sums by 8 u R D: under 128 u R D in all. `error` is 512 u R, and what rounding in
+/// `f64` may add where the ray comes from afar.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    origin: [f32; 3],
+    direction: [f32; 3],
+    error: f32,
+}
+
+impl Line {
+    /// The line from `start`, which lies within `reach` of the local origin, along `direction`, of a ray that
+    /// begins at `origin`.
+    #[inline(always)]
+    pub fn new(start: DVec3, direction: DVec3, origin: DVec3, reach: f64) -> Self {
+        let afar = 64.0 * f64::EPSILON * (origin.x.abs() + origin.y.abs() + origin.z.abs());
+        Line {
+            origin: start.as_vec3().to_array(),
+            direction: direction.as_vec3().to_array(),
+            error: (ROUNDING * reach + afar) as f32 + f32::MIN_POSITIVE,
+        }
+    }
+}
+
+/// 512 units of rounding: see [`Line`].
+const ROUNDING: f64 = 512.0 / (1u32 << 24) as f64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+
+    /// Lines to places on the surfaces, to edges and corners too, near and far, with limits that leave no room: what
+    /// they meet is kept, and most of the rest is not.
+    #[test]
+    fn what_is_met_is_kept_and_most_else_is_not() {
+        let mut state = 1u64;
+        let mut unit = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let (mut lines, mut kept) = (0u32, 0u32);
+        for scale in [1e-9, 1.0, 1e12] {
+            for _ in 0..200 {
+                let mut place = || scale * (DVec3::new(unit(), unit(), unit()) * 2.0 - 1.0);
+                let surfaces: [Surface; LANES] = std::array::from_fn(|k| {
+                    let (o, x, y) = (place(), 0.3 * place(), 0.3 * place());
+                    // Some bent, some triangles.
+                    let bend = if k % 3 == 0 { 0.05 * place() } else { DVec3::ZERO };
+                    let shape = if k % 4 == 1 {
+                        Shape::Triangle([o, o + x, o + y])
+                    } else {
+                        Shape::Quad([o, o + x, o + x + y + bend, o + y])
+                    };
+                    Surface::new(shape.placed(|p| p.as_vec3().as_dvec3()))
+                });
+                let block =
+                    Block::new(surfaces.iter().enumerate().map(|(k, s)| (k as u32, OrientedBox::around(s))));
+                for lane in 0..LANES {
+                    for corner in 0..4 {
+                        // On one of the triangles that stand for the surface: inside, on an edge, at a corner.
+                        let (triangles, count) = surfaces[lane].triangles();
+                        let [a, b, c] = triangles[corner % count];
+                        let (s, t) = match corner {
+                            0 => (0.5 * unit(), 0.5 * unit()),
+                            1 => (0.0, unit()),
+                            2 => (1.0, 0.0),
+                            _ => (0.0, 0.0),
+                        };
+                        let target = a + s * (b - a) + t * (c - a);
+                        let start = scale * (DVec3::new(unit(), unit(), unit()) * 2.0 - 1.0);
+                        let way = target - start;
+                        let length = way.abs().max_element();
+                        let line = Line::new(start, way / length, start, 3.0 * scale);
+                        let found = block.candidates(&line, length as f32, 0.0);
+                        assert!(
+                            found >> (8 * lane) & 1 == 1,
+                            "{:?} from {start} to {target}",
+                            surfaces[lane]
+                        );
+                        (lines, kept) = (lines + 1, kept + found.count_ones());
+                    }
+                }
+            }
+        }
+        assert!(f64::from(kept) < 1.2 * f64::from(lines), "{kept} kept for {lines} met");
+    }
+
+    #[test]
+    fn lanes_without_a_box_are_never_kept() {
+        let block = Block::new([]);
+        let line = Line::new(DVec3::ZERO, DVec3::X, DVec3::ZERO, 1.0);
+        for limit in [0.0, f32::INFINITY, f32::NAN] {
+            assert_eq!(block.candidates(&line, limit, limit), 0);
+        }
+    }
+}
