@@ -160,7 +160,8 @@ mod tests {
         let area: f64 = room.map(|s| s.area).sum();
         assert!((area - 2.0 * (12.0 * 9.0 + 4.0 * (12.0 + 9.0))).abs() < 1e-4);
         // The divergence of the place over a desk's top is three times its volume.
-        let volume: f64 = geometry.surfaces[6..12].iter().map(|s| s.distance(DVec3::ZERO) * s.area / -3.0).sum();
+        let volume: f64 =
+            geometry.surfaces[6..12].iter().map(|s| s.distance(DVec3::ZERO) * s.area / -3.0).sum();
         assert!((volume - 1.6 * 0.8 * 0.03).abs() < 1e-6, "a box looks outwards");
         let lamps = scene.appearance.surface_material.iter().filter(|m| m.0 == Wears::Lamp as u32).count();
         assert_eq!(lamps, 6);
