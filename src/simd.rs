@@ -1,7 +1,9 @@
 //! Hot loops compiled twice: for any processor, and for those with AVX2.
 //!
 //! Only the width of the registers differs. Multiplications and additions are not fused and sums
-//! keep their order, so both give the same bits.
+//! keep their order, so both give the same bits. (Fused, the innermost loops of a sweep took 10 to 30 %
+//! less time on a Zen 3 processor, but a processor without the instruction would need a call of a
+//! library function for every product to get the same bits.)
 
 /// A hot loop with all it needs.
 pub trait HotLoop {

@@ -4,6 +4,7 @@ mod first_pass_support;
 
 use first_pass_support::*;
 use glam::DVec3;
+use luxgraph::first_pass::diffuse::DiffuseOperator;
 use luxgraph::first_pass::reference::{evaluate, extended_form_factors};
 use luxgraph::first_pass::system::System;
 use luxgraph::first_pass::{ChainLimits, FirstPassSettings, visibility_calls};
@@ -13,8 +14,9 @@ use luxgraph::observer::Silent;
 /// calls and the counted one.
 fn compare(scene: &TestScene, lg_max: u32) -> (f64, f64) {
     let settings = FirstPassSettings::default();
-    let system =
-        System::new(&scene.geometry, &scene.points, &scene.graph, &scene.appearance, &settings, &Silent);
+    let diffuse =
+        DiffuseOperator::new(&scene.geometry, &scene.points, &scene.graph, settings.kernel, &Silent);
+    let system = System::new(&scene.geometry, &diffuse, &scene.appearance, &settings, &Silent);
     let limits = ChainLimits { lg_max: Some(lg_max), eff_min: 0.0, tolerance: 0.0 };
     let found = extended_form_factors(&system, &limits);
     let tolerance = scene.geometry.plane_tolerance() as f32;

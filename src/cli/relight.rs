@@ -5,6 +5,7 @@ use super::progress::Bars;
 use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
 use super::say::say;
 use luxgraph::error::{Error, Result};
+use luxgraph::pipeline;
 use luxgraph::scene::{Scene, SceneDescription};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -46,6 +47,7 @@ pub fn run(args: &Relight) -> Result<()> {
 
     let bars = Bars::new();
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
+    let mut relighter = pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?;
     for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
         say!("{}:", path.display());
         let scene = Scene { appearance, ..scene.clone() };
@@ -61,7 +63,7 @@ pub fn run(args: &Relight) -> Result<()> {
             checkpoint: None,
             started,
         };
-        job.run(targets, &bars)?;
+        job.run(targets, &mut relighter, &bars)?;
     }
     Ok(())
 }

@@ -4,6 +4,7 @@ use super::args::Render;
 use super::progress::Bars;
 use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
 use luxgraph::error::Result;
+use luxgraph::pipeline;
 use luxgraph::scene;
 use luxgraph::second_pass::Checkpoint;
 use std::path::Path;
@@ -40,5 +41,6 @@ pub fn run(args: &Render) -> Result<()> {
         checkpoint: Some(Checkpoint::beside(&targets.exr, args.resume)),
         started,
     };
-    job.run(&targets, &bars)
+    let mut relighter = pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?;
+    job.run(&targets, &mut relighter, &bars)
 }

@@ -3,7 +3,7 @@
 use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SolverArg, TracerArg};
 use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
-use luxgraph::first_pass::{DiffuseSolution, Kernel, Solver};
+use luxgraph::first_pass::{DiffuseSolution, Kernel, Relighter, Solver};
 use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
@@ -241,9 +241,9 @@ pub struct Job<'a> {
 
 impl Job<'_> {
     /// First pass, second pass, files; prints what came out in three lines.
-    pub fn run(&self, targets: &Targets, observer: &dyn Observer) -> Result<()> {
+    pub fn run(&self, targets: &Targets, relighter: &mut Relighter, observer: &dyn Observer) -> Result<()> {
         let (geometry, settings) = (&self.scene.geometry, self.settings);
-        let lit = pipeline::light(geometry, self.prepared, &self.scene.appearance, settings, observer)?;
+        let lit = pipeline::relight(geometry, relighter, &self.scene.appearance, settings, observer)?;
         let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
         if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
             tell!(

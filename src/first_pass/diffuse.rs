@@ -1,115 +1,41 @@
 //! The diffuse operator D: irradiance of all points from the diffuse radiance of all points,
 //! E_i = Σ_j h_ij π F_ij L_j, recomputed tile by tile from points and bits.
 
+use super::exchange::{BandLanes, Exchange, Power};
 use super::form_factor::{plain, plane_distances};
+use super::layout::Layout;
+use super::lobe_table::BAND;
 use super::near::Corrections;
+use super::schedule::Schedule;
 use super::settings::Kernel;
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
-use crate::simd::{HotLoop, wide};
-use crate::visibility::{Tile, VisibilityGraph};
+use crate::simd::wide;
+use crate::visibility::VisibilityGraph;
 use rayon::prelude::*;
 
 /// Points handled side by side.
 pub const LANES: usize = 8;
 /// Receivers of one task.
 const ROWS: usize = 128;
+/// Runs of fewer points share a patch: pairs of tiny patches would cost more than the points in them.
+const SHORT: usize = LANES;
 
 /// A value for each of them.
 pub type Lanes = [f32; LANES];
-
-/// Points as columns of the tiles: voxel by voxel, each padded to a multiple of [`LANES`] with
-/// points that face nothing.
-pub(super) struct Columns {
-    position: [Vec<Lanes>; 3],
-    normal: [Vec<Lanes>; 3],
-    area: Vec<Lanes>,
-    /// First group of lanes of each voxel, and the number of groups at the end.
-    pub(super) starts: Vec<usize>,
-}
 
 /// D for one set of points and one graph.
 pub struct DiffuseOperator<'a> {
     pub(super) points: &'a SamplePoints,
     pub(super) graph: &'a VisibilityGraph,
-    pub(super) columns: Columns,
     pub(super) tolerance: f32,
+    layout: Layout,
+    schedule: Schedule,
     corrections: Corrections,
     row_sums: Vec<f32>,
     /// (voxel, first row, one past the last row), rows as point indices.
     pub(super) tasks: Vec<(usize, usize, usize)>,
-}
-
-impl Columns {
-    fn new(points: &SamplePoints) -> Self {
-        let mut columns = Columns {
-            position: [const { Vec::new() }; 3],
-            normal: [const { Vec::new() }; 3],
-            area: Vec::new(),
-            starts: vec![0],
-        };
-        for v in 0..points.voxels() {
-            for group in points.voxel(v).collect::<Vec<_>>().chunks(LANES) {
-                for axis in 0..3 {
-                    let mut p = [points.position[group[0]][axis]; LANES];
-                    let mut n = [0.0; LANES];
-                    for (lane, &i) in group.iter().enumerate() {
-                        p[lane] = points.position[i][axis];
-                        n[lane] = points.normal[i][axis];
-                    }
-                    columns.position[axis].push(p);
-                    columns.normal[axis].push(n);
-                }
-                let mut area = [0.0; LANES];
-                for (lane, &i) in group.iter().enumerate() {
-                    area[lane] = points.area[i];
-                }
-                columns.area.push(area);
-            }
-            columns.starts.push(columns.area.len());
-        }
-        columns
-    }
-
-    /// q of the elements of group `g` seen from point `i`, where `bits` lets it see them.
-    #[inline(always)]
-    pub(super) fn seen_from(
-        &self,
-        points: &SamplePoints,
-        i: usize,
-        g: usize,
-        bits: u32,
-        tolerance: f32,
-    ) -> Lanes {
-        let (p, n) = (points.position[i], points.normal[i]);
-        let [x, y, z] = [&self.position[0][g], &self.position[1][g], &self.position[2][g]];
-        let [nx, ny, nz] = [&self.normal[0][g], &self.normal[1][g], &self.normal[2][g]];
-        let area = &self.area[g];
-        let mut q = [0.0; LANES];
-        for lane in 0..LANES {
-            let (dx, dy, dz) = (x[lane] - p.x, y[lane] - p.y, z[lane] - p.z);
-            let d_i = n.x * dx + n.y * dy + n.z * dz;
-            let d_j = -(nx[lane] * dx + ny[lane] * dy + nz[lane] * dz);
-            let value = plain(d_i, d_j, dx * dx + dy * dy + dz * dz, area[lane]);
-            let seen = (d_i > tolerance) & (d_j > tolerance) & (bits & (1 << lane) != 0);
-            q[lane] = if seen { value } else { 0.0 };
-        }
-        q
-    }
-}
-
-/// The bits of row `r` for the `group`th group of columns.
-#[inline(always)]
-fn bits_of(tile: &Tile, r: usize, group: usize) -> u32 {
-    match tile {
-        Tile::Visible => 0xff,
-        Tile::Hidden => 0,
-        Tile::Bits { words, stride } => {
-            let at = group * LANES;
-            words[r * stride + at / 32] >> (at % 32) & 0xff
-        }
-    }
 }
 
 impl<'a> DiffuseOperator<'a> {
@@ -128,17 +54,23 @@ impl<'a> DiffuseOperator<'a> {
                 rows.step_by(ROWS).map(move |first| (v, first, (first + ROWS).min(end)))
             })
             .collect();
+        let tolerance_m = geometry.plane_tolerance();
+        let tolerance = tolerance_m as f32;
+        let layout = |short| Layout::new(points, geometry.radius, 0.5 * tolerance_m, short);
+        let runs = layout(1);
+        let layout = layout(SHORT);
         let mut operator = DiffuseOperator {
             points,
             graph,
-            columns: Columns::new(points),
-            tolerance: geometry.plane_tolerance() as f32,
+            tolerance,
+            schedule: Schedule::new(&layout, graph, tolerance / layout.unit),
+            layout,
             corrections: Corrections::default(),
             row_sums: Vec::new(),
             tasks,
         };
         if kernel == Kernel::Analytic {
-            operator.corrections = Corrections::new(geometry, &operator, observer);
+            operator.corrections = Corrections::new(geometry, &operator, &runs, observer);
         }
         let ones = vec![1.0; points.len()];
         operator.row_sums = operator.irradiance(&ones, |_| true);
@@ -158,23 +90,13 @@ impl<'a> DiffuseOperator<'a> {
 
     /// q of element `j` seen from `i`, which see each other.
     pub fn factor(&self, i: usize, j: usize) -> f32 {
-        let (d_i, d_j, r2) = plane_distances(self.points, i, j);
-        plain(d_i, d_j, r2, self.points.area[j]) + self.corrections.get(i, j)
+        self.plain_factor(i, j) + self.corrections.get(i, j)
     }
 
-    /// Calls `visit(row, column voxel's points, tile, row in tile)` for all receivers of a task.
-    fn tiles(&self, task: (usize, usize, usize), mut visit: impl FnMut(usize, &Tile, usize)) {
-        let (a, first, _) = task;
-        let mut scratch = Vec::new();
-        for b in 0..self.points.voxels() {
-            if self.points.voxel(b).is_empty() {
-                continue;
-            }
-            let tile = self.graph.tile(a, b, &mut scratch);
-            if !matches!(tile, Tile::Hidden) {
-                visit(b, &tile, first - self.points.voxel(a).start);
-            }
-        }
+    /// The same by the plain kernel.
+    pub fn plain_factor(&self, i: usize, j: usize) -> f32 {
+        let (d_i, d_j, r2) = plane_distances(self.points, i, j);
+        plain(d_i, d_j, r2, self.points.area[j])
     }
 
     /// E of every point for which `wanted` holds (0 for the others), W m⁻² nm⁻¹, from the radiance of
@@ -185,36 +107,115 @@ impl<'a> DiffuseOperator<'a> {
             return Vec::new();
         }
         let w = radiance.len() / n;
-        let packed = self.pack(radiance, w);
-        let blocks: Vec<Vec<f64>> = self
-            .tasks
-            .par_iter()
-            .map(|&task| {
-                let (_, first, end) = task;
-                let mut sums = vec![0.0f64; (end - first) * w];
-                self.tiles(task, |b, tile, r0| {
-                    let (operator, sums, packed) = (self, &mut sums[..], &packed[..]);
-                    wide(Sweep { operator, b, tile, r0, first, end, wanted: &wanted, packed, w, sums });
-                });
-                for i in (first..end).filter(|&i| wanted(i)) {
-                    for (j, difference) in self.corrections.row(i) {
-                        for k in 0..w {
-                            sums[(i - first) * w + k] += f64::from(difference * radiance[k * n + j]);
-                        }
-                    }
-                }
-                sums
-            })
-            .collect();
+        let bands = w.div_ceil(BAND);
+        let scale: Vec<f32> = radiance.chunks(n).map(unit_of).collect();
+        let by_point = interleave(radiance, &scale, n);
+        let mut sums = self.exchange(&self.power(&by_point, bands, &wanted));
         let mut irradiance = vec![0.0; n * w];
-        for (&(_, first, end), sums) in self.tasks.iter().zip(&blocks) {
-            for i in first..end {
-                for k in 0..w {
-                    irradiance[k * n + i] = sums[(i - first) * w + k] as f32;
+        (sums.par_chunks_mut(bands).enumerate()).filter(|&(i, _)| wanted(i)).for_each(|(i, sums)| {
+            for (j, difference) in self.corrections.row(i) {
+                for (sum, light) in sums.iter_mut().zip(&by_point[j * bands..]) {
+                    (0..BAND).for_each(|k| sum[k] += f64::from(difference * light[k]));
                 }
+            }
+        });
+        for (k, (irradiance, scale)) in irradiance.chunks_mut(n).zip(&scale).enumerate() {
+            for (i, e) in irradiance.iter_mut().enumerate().filter(|(i, _)| wanted(*i)) {
+                *e = (sums[i * bands + k / BAND][k % BAND] * f64::from(*scale)) as f32;
             }
         }
         irradiance
+    }
+
+    /// What the points send, given their radiance `[N][bands]`.
+    fn power(&self, by_point: &[[f32; BAND]], bands: usize, wanted: &impl Fn(usize) -> bool) -> Power {
+        let Layout { patches, area, lane_area, .. } = &self.layout;
+        let mut power = Power {
+            bands,
+            by_point: by_point.to_vec(),
+            by_lane: vec![[[0.0; LANES]; BAND]; lane_area.len() * bands],
+            sends: Vec::with_capacity(patches.len()),
+            hears: Vec::with_capacity(patches.len()),
+        };
+        for (i, own) in power.by_point.chunks_mut(bands).enumerate() {
+            own.iter_mut().flatten().for_each(|l| *l *= area[i]);
+        }
+        for patch in patches {
+            let mut sends = false;
+            for (at, i) in patch.points.clone().enumerate() {
+                for band in 0..bands {
+                    let own = power.by_point[i * bands + band];
+                    let group = &mut power.by_lane[(patch.groups.start + at / LANES) * bands + band];
+                    (0..BAND).for_each(|k| group[k][at % LANES] = own[k]);
+                    sends |= own != [0.0; BAND];
+                }
+            }
+            power.sends.push(sends);
+            power.hears.push(patch.points.clone().any(wanted));
+        }
+        power
+    }
+
+    /// What every point receives by the plain kernel, `[N][bands]`.
+    fn exchange(&self, power: &Power) -> Vec<[f64; BAND]> {
+        let Layout { patches, .. } = &self.layout;
+        let bands = power.bands;
+        let points = |g: usize| {
+            let group = &self.schedule.groups[g];
+            patches[group.start].points.start..patches[group.end - 1].points.end
+        };
+        let lanes = |g: usize| {
+            let group = &self.schedule.groups[g];
+            patches[group.start].groups.start..patches[group.end - 1].groups.end
+        };
+        let mut sums: Vec<Vec<[f64; BAND]>> =
+            (0..self.schedule.groups.len()).map(|g| vec![[0.0; BAND]; points(g).len() * bands]).collect();
+        for round in &self.schedule.rounds {
+            // No group is in two tasks of a round, so each takes along the sums that it adds to.
+            let mut tasks: Vec<_> = round
+                .iter()
+                .map(|(i, j, pairs)| {
+                    let first = std::mem::take(&mut sums[*i]);
+                    (*i, *j, pairs.clone(), first, std::mem::take(&mut sums[*j]))
+                })
+                .collect();
+            tasks.par_iter_mut().for_each(|(i, j, pairs, first, second)| {
+                let (rows, columns) = (points(*i), lanes(*j));
+                let mut towards: Vec<BandLanes> = vec![[[0.0; LANES]; BAND]; rows.len() * bands];
+                let mut back: Vec<BandLanes> = vec![[[0.0; LANES]; BAND]; columns.len() * bands];
+                wide(Exchange {
+                    layout: &self.layout,
+                    graph: self.graph,
+                    tolerance: self.tolerance / self.layout.unit,
+                    pairs: &self.schedule.pairs[pairs.clone()],
+                    power,
+                    origin: (rows.start, columns.start),
+                    first: &mut towards,
+                    second: &mut back,
+                });
+                for (sum, more) in first.iter_mut().zip(&towards) {
+                    (0..BAND).for_each(|k| sum[k] += f64::from(more[k].iter().sum::<f32>()));
+                }
+                let second = if i == j { first } else { second };
+                for patch in &patches[self.schedule.groups[*j].clone()] {
+                    for (at, i) in patch.points.clone().enumerate() {
+                        for band in 0..bands {
+                            let group = patch.groups.start + at / LANES - columns.start;
+                            let more = &back[group * bands + band];
+                            let sum = &mut second[(i - points(*j).start) * bands + band];
+                            (0..BAND).for_each(|k| sum[k] += f64::from(more[k][at % LANES]));
+                        }
+                    }
+                }
+            });
+            for (i, j, _, first, second) in tasks {
+                if i != j {
+                    sums[j] = second;
+                }
+                sums[i] = first;
+            }
+        }
+        sums.into_iter().flatten().collect()
     }
 
     /// q of element `j` seen from every point that sees it, corrections left out: `visit(point, q)`.
@@ -239,76 +240,26 @@ impl<'a> DiffuseOperator<'a> {
             }
         }
     }
+}
 
-    /// Radiance in the layout of the columns: `[W][groups]`.
-    fn pack(&self, radiance: &[f32], w: usize) -> Vec<Lanes> {
-        let n = self.points.len();
-        let mut packed = Vec::with_capacity(w * self.columns.area.len());
-        for k in 0..w {
-            for v in 0..self.points.voxels() {
-                for group in radiance[k * n..(k + 1) * n][self.points.voxel(v)].chunks(LANES) {
-                    let mut lanes = [0.0; LANES];
-                    lanes[..group.len()].copy_from_slice(group);
-                    packed.push(lanes);
-                }
-            }
-        }
-        packed
+/// A power of two near the largest of some values, so that no product with them is lost to `f32`.
+fn unit_of(values: &[f32]) -> f32 {
+    let largest = values.iter().fold(0.0f32, |most, v| most.max(v.abs()));
+    if largest > 0.0 && largest.is_finite() {
+        2.0f32.powi((largest.log2().round() as i32).clamp(-126, 126))
+    } else {
+        1.0
     }
 }
 
-/// The receivers `first..end` of a task against the columns of voxel `b`.
-struct Sweep<'a, F> {
-    operator: &'a DiffuseOperator<'a>,
-    b: usize,
-    tile: &'a Tile<'a>,
-    /// Row of the tile that `first` is.
-    r0: usize,
-    first: usize,
-    end: usize,
-    wanted: &'a F,
-    /// Radiance, `[W][groups]`.
-    packed: &'a [Lanes],
-    w: usize,
-    /// E of the receivers, `[end - first][W]`, to be added to.
-    sums: &'a mut [f64],
-}
-
-impl<F: Fn(usize) -> bool> HotLoop for Sweep<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Sweep { operator, first, w, .. } = self;
-        let columns = &operator.columns;
-        let (start, end) = (columns.starts[self.b], columns.starts[self.b + 1]);
-        let groups = columns.area.len();
-        let mut q: Vec<Lanes> = Vec::with_capacity(end - start);
-        for i in first..self.end {
-            if !(self.wanted)(i) {
-                continue;
-            }
-            q.clear();
-            for g in start..end {
-                let bits = bits_of(self.tile, self.r0 + i - first, g - start);
-                q.push(columns.seen_from(operator.points, i, g, bits, operator.tolerance));
-            }
-            for k in 0..w {
-                let x = &self.packed[k * groups + start..k * groups + end];
-                self.sums[(i - first) * w + k] += f64::from(dot(&q, x));
-            }
+/// `[W][N]` over the unit of each wavelength as `[N][bands]`.
+fn interleave(radiance: &[f32], unit: &[f32], n: usize) -> Vec<[f32; BAND]> {
+    let bands = unit.len().div_ceil(BAND);
+    let mut by_point = vec![[0.0; BAND]; n * bands];
+    for (k, (plane, unit)) in radiance.chunks(n).zip(unit).enumerate() {
+        for (i, l) in plane.iter().enumerate() {
+            by_point[i * bands + k / BAND][k % BAND] = l / unit;
         }
     }
-}
-
-/// Σ a b, lane by lane, then across.
-#[inline(always)]
-fn dot(a: &[Lanes], b: &[Lanes]) -> f32 {
-    let mut sum = [0.0; LANES];
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..LANES {
-            sum[lane] += a[lane] * b[lane];
-        }
-    }
-    sum.iter().sum()
+    by_point
 }

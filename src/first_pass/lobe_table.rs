@@ -2,6 +2,7 @@
 
 use super::directions::{LANES, Lanes};
 use crate::material::FresnelTable;
+use std::hash::Hasher;
 
 /// Wavelengths handled side by side.
 pub const BAND: usize = 4;
@@ -35,6 +36,15 @@ impl LobeTable {
             })
             .collect();
         LobeTable { bands, last, values }
+    }
+
+    /// Equal for equal tables.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hasher = std::hash::DefaultHasher::new();
+        for (here, step) in &self.values {
+            here.iter().chain(step).for_each(|v| hasher.write_u32(v.to_bits()));
+        }
+        hasher.finish()
     }
 
     /// The entry before each cosine, and how far each is towards the next.

@@ -9,10 +9,13 @@ mod bounce;
 pub mod chain;
 pub mod diffuse;
 pub mod directions;
+mod exchange;
 pub mod flow;
 pub mod form_factor;
 mod gmres;
 pub mod ideal;
+mod known;
+mod layout;
 pub mod lights;
 pub mod lobe;
 pub mod lobe_table;
@@ -21,10 +24,12 @@ pub mod near;
 mod normalise;
 mod openings;
 pub mod reference;
+mod relighter;
 mod rooms;
 pub(crate) mod round;
 mod scaling;
 mod scatter;
+mod schedule;
 mod settings;
 mod shooting;
 pub mod specular;
@@ -32,6 +37,7 @@ mod stats;
 pub mod system;
 pub mod visibility_calls;
 
+pub use relighter::Relighter;
 pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};
 pub use stats::{FirstPassStats, FluxBalance, Range};
 
@@ -42,7 +48,6 @@ use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use crate::spectrum::Wavelengths;
 use crate::visibility::VisibilityGraph;
-use std::time::Instant;
 use system::System;
 
 /// Steps of the solution as progress is told.
@@ -68,7 +73,7 @@ impl DiffuseSolution {
 }
 
 /// Solves for the global diffuse radiance of all sample points. No ray is cast, so a new appearance
-/// under the same graph costs this call and nothing else.
+/// under the same graph costs this call and nothing else; a [`Relighter`] makes it cheaper still.
 ///
 /// # Errors
 /// [`Error::Settings`] when graph, points and appearance do not belong together or a setting cannot
@@ -81,77 +86,7 @@ pub fn solve(
     settings: &FirstPassSettings,
     observer: &dyn Observer,
 ) -> Result<DiffuseSolution> {
-    settings.validate()?;
-    check_inputs(geometry, points, graph, appearance)?;
-    let clock = Instant::now();
-    let system = System::new(geometry, points, graph, appearance, settings, observer);
-    let setup_s = clock.elapsed().as_secs_f64();
-    let clock = Instant::now();
-    observer.begin("first pass", STEPS);
-    let solved = match settings.solver {
-        Solver::Iterative => system.solve_iteratively(settings, descent(observer)),
-        Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
-    };
-    observer.end();
-    let solved = solved?;
-
-    // One more sweep gives the true residual and a solution that is no worse.
-    let mut irradiance = system.diffuse.irradiance(&solved.radiance, |_| true);
-    for more in [&solved.flow.irradiance, &system.lights.irradiance] {
-        irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
-    }
-    let reflected = system.reflected(&irradiance);
-    let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
-    let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
-    let emitted = system.emitted();
-    refuse_endless(&mut radiance, &system, settings)?;
-
-    // What only the report asks for is not part of the solution's time.
-    let solve_s = clock.elapsed().as_secs_f64();
-    let share = |part: Vec<f64>| {
-        let ratio = |(p, e): (&f64, &f64)| if *e > 0.0 { p.abs() / e } else { 0.0 };
-        part.iter().zip(&emitted).map(ratio).fold(0.0, f64::max)
-    };
-    let diffuse = &system.diffuse;
-    let (closure_error_mean, closure_error_max) = stats::closure_error(diffuse.row_sums(), &points.area);
-    let (reciprocity_error_mean, reciprocity_error_max) = stats::reciprocity_error(points, diffuse);
-    let stats = FirstPassStats {
-        points: points.len() as u64,
-        specular_points: system.specular.points.len() as u64,
-        near_pairs: diffuse.corrections().near_pairs,
-        summed_surfaces: diffuse.corrections().summed_surfaces,
-        row_sum: Range::of(diffuse.row_sums(), &points.area),
-        closure_error_mean,
-        closure_error_max,
-        reciprocity_error_mean,
-        reciprocity_error_max,
-        lobe_error_mean: system.specular.closure_error.0,
-        lobe_error_max: system.specular.closure_error.1,
-        opening_cells: system.specular.cells,
-        sweeps: solved.sweeps + 1.0,
-        rounds: solved.rounds,
-        longest_chain: solved.flow.bounces,
-        residual: share(system.flux(&difference)),
-        cut_off: share(solved.flow.cut_off.clone()),
-        flux: stats::balance(
-            points,
-            &system.diffuse,
-            &system.specular,
-            [&system.emission, &system.reflectance, &solved.radiance, &irradiance],
-            &solved.flow,
-            &system.lights,
-        ),
-        rays_cast: 0,
-        visibility_calls_without_graph: settings.count_visibility_calls.then(|| {
-            let tolerance = geometry.plane_tolerance() as f32;
-            visibility_calls::count(points, &system.specular, tolerance, solved.flow.bounces)
-        }),
-        setup_s,
-        solve_s,
-    };
-    let (n, w) = (points.len(), system.wavelengths());
-    let by_point = (0..n * w).map(|at| radiance[at % w * n + at / w]).collect();
-    Ok(DiffuseSolution { wavelengths: appearance.wavelengths.clone(), radiance: by_point, stats })
+    Relighter::new(geometry, points, graph, settings, observer)?.light(appearance, observer)
 }
 
 /// Tells `observer` how far a residual has come down, given how many times its goal it is: equal steps
@@ -167,17 +102,13 @@ fn descent(observer: &dyn Observer) -> impl FnMut(f64) + '_ {
     }
 }
 
-/// Whether the parts belong together and hold nothing that is not a number.
-fn check_inputs(
+/// Whether an appearance belongs to a scene and holds nothing that is not a number.
+fn check_appearance(
     geometry: &Geometry,
-    points: &SamplePoints,
     graph: &VisibilityGraph,
     appearance: &SampledAppearance,
 ) -> Result<()> {
     let refuse = |message: &str| Err(Error::Settings(message.into()));
-    if graph.key() != &points.key {
-        return refuse("the visibility graph was built for other sample points: build it again");
-    }
     if appearance.surface_material.len() != geometry.surfaces.len() {
         return refuse("the appearance does not name a material for every surface of the geometry");
     }

@@ -3,7 +3,9 @@
 
 use super::diffuse::{DiffuseOperator, LANES, Lanes};
 use super::form_factor::{NEAR, exact, extent2, near};
+use super::layout::Layout;
 use super::round::of_whole;
+use super::schedule::row_bits;
 use crate::geometry::{Round, Shape, Side};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
@@ -12,7 +14,7 @@ use crate::simd::{HotLoop, wide};
 use crate::visibility::Tile;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::ops::Range;
+use std::f32::consts::PI;
 
 /// A surface is summed up exactly when its far elements may be wrong by more than about a third of
 /// this projected solid angle, sr.
@@ -43,9 +45,15 @@ struct Row {
 
 impl Corrections {
     /// Those of all pairs that see each other.
-    pub fn new(geometry: &Geometry, operator: &DiffuseOperator, observer: &dyn Observer) -> Self {
-        let patches = Patches::new(geometry, operator.points);
-        let rows = |task| Receivers { operator, patches: &patches }.rows(task);
+    /// `layout` has one side of one surface in every patch.
+    pub fn new(
+        geometry: &Geometry,
+        operator: &DiffuseOperator,
+        layout: &Layout,
+        observer: &dyn Observer,
+    ) -> Self {
+        let sides = Sides::new(geometry, operator.points, layout);
+        let rows = |task| Receivers { operator, layout, sides: &sides }.rows(task);
         let done = |rows: &Vec<Row>| observer.advance(rows.len() as u64);
         observer.begin("form factors", operator.points.len() as u64);
         let blocks: Vec<Vec<Row>> = operator.tasks.par_iter().map(|&task| rows(task)).inspect(done).collect();
@@ -72,13 +80,23 @@ impl Corrections {
     /// The same corrections by element seen: rows are sources, columns receivers.
     pub fn transposed(&self) -> Self {
         let n = self.starts.len().saturating_sub(1);
-        let mut rows = vec![Vec::new(); n];
+        let mut starts = vec![0; n + 1];
+        for &j in &self.column {
+            starts[j as usize + 1] += 1;
+        }
+        for j in 0..n {
+            starts[j + 1] += starts[j];
+        }
+        let mut next = starts.clone();
+        let (mut column, mut difference) = (vec![0; self.column.len()], vec![0.0; self.column.len()]);
         for i in 0..n {
-            for (j, difference) in self.row(i) {
-                rows[j].push((i as u32, difference));
+            for (j, entry) in self.row(i) {
+                column[next[j]] = i as u32;
+                difference[next[j]] = entry;
+                next[j] += 1;
             }
         }
-        Self::from_rows(rows.iter().map(Vec::as_slice))
+        Corrections { starts, column, difference, near_pairs: 0, summed_surfaces: 0 }
     }
 
     /// Entries of row `i`, by ascending column: (column, difference).
@@ -93,12 +111,6 @@ impl Corrections {
         let found = self.column[start..end].binary_search(&(j as u32));
         found.map_or(0.0, |at| self.difference[start + at])
     }
-}
-
-/// A side of a surface and its points within one voxel.
-struct Run {
-    patch: usize,
-    points: Range<usize>,
 }
 
 /// A whole side of a surface.
@@ -120,48 +132,45 @@ impl Whole {
 }
 
 /// The sides of surfaces that carry points.
-struct Patches {
+struct Sides {
     /// The whole surface.
     wholes: Vec<Whole>,
-    /// What each voxel holds of them.
-    runs: Vec<Vec<Run>>,
-    /// Of every element.
-    extent2: Vec<f32>,
+    /// The side that each patch is part of.
+    of_patch: Vec<usize>,
+    /// [`extent2`] of every element, by groups of lanes, in units of the layout.
+    extent2: Vec<Lanes>,
 }
 
-impl Patches {
-    fn new(geometry: &Geometry, points: &SamplePoints) -> Self {
+impl Sides {
+    fn new(geometry: &Geometry, points: &SamplePoints, layout: &Layout) -> Self {
         let mut found = std::collections::HashMap::new();
-        let mut patches = Patches {
+        let mut sides = Sides {
             wholes: Vec::new(),
-            runs: Vec::with_capacity(points.voxels()),
-            extent2: (0..points.len()).map(|j| extent2(points, j)).collect(),
+            of_patch: Vec::with_capacity(layout.patches.len()),
+            extent2: vec![[0.0; LANES]; layout.lane_area.len()],
         };
-        for v in 0..points.voxels() {
-            let mut runs: Vec<Run> = Vec::new();
-            for j in points.voxel(v) {
-                let id = (points.surface[j], points.side[j] == Side::Front);
-                let patch = *found.entry(id).or_insert_with(|| {
-                    patches.wholes.push(match geometry.surface(id.0).shape {
-                        Shape::Quad(v) => Whole::Polygon(v.map(|v| v.as_vec3())),
-                        Shape::Triangle([a, b, c]) => Whole::Polygon([a, b, c, c].map(|v| v.as_vec3())),
-                        Shape::Disc(disc) => Whole::Round(Round::Disc(disc), points.side[j]),
-                        Shape::Sphere(sphere) => Whole::Round(Round::Sphere(sphere), points.side[j]),
-                    });
-                    patches.wholes.len() - 1
+        for patch in &layout.patches {
+            let first = patch.points.start;
+            let id = (points.surface[first], points.side[first] == Side::Front);
+            sides.of_patch.push(*found.entry(id).or_insert_with(|| {
+                sides.wholes.push(match geometry.surface(id.0).shape {
+                    Shape::Quad(v) => Whole::Polygon(v.map(|v| v.as_vec3())),
+                    Shape::Triangle([a, b, c]) => Whole::Polygon([a, b, c, c].map(|v| v.as_vec3())),
+                    Shape::Disc(disc) => Whole::Round(Round::Disc(disc), points.side[first]),
+                    Shape::Sphere(sphere) => Whole::Round(Round::Sphere(sphere), points.side[first]),
                 });
-                match runs.last_mut() {
-                    Some(run) if run.patch == patch => run.points.end = j + 1,
-                    _ => runs.push(Run { patch, points: j..j + 1 }),
-                }
+                sides.wholes.len() - 1
+            }));
+            for (at, j) in patch.points.clone().enumerate() {
+                let extent = extent2(points, j) / layout.unit / layout.unit;
+                sides.extent2[patch.groups.start + at / LANES][at % LANES] = extent;
             }
-            patches.runs.push(runs);
         }
-        patches
+        sides
     }
 }
 
-/// What a receiver knows of one patch.
+/// What a receiver knows of one side.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     /// q of all elements that face the receiver, hidden or not.
@@ -172,12 +181,25 @@ struct Sum {
     doubt: f32,
     /// The visible element of largest q.
     best: (u32, f32),
+    /// Whether the receiver has looked at it, and whether it saw something.
+    met: bool,
+    some: bool,
 }
 
-/// Receivers looking at the patches.
+/// An element that is near a receiver which it faces.
+struct Near {
+    element: usize,
+    side: usize,
+    /// q by the plain kernel.
+    plain: f32,
+    visible: bool,
+}
+
+/// Receivers looking at the sides.
 struct Receivers<'a> {
     operator: &'a DiffuseOperator<'a>,
-    patches: &'a Patches,
+    layout: &'a Layout,
+    sides: &'a Sides,
 }
 
 impl Receivers<'_> {
@@ -185,48 +207,52 @@ impl Receivers<'_> {
         let DiffuseOperator { points, graph, .. } = self.operator;
         let mut scratch = vec![Vec::new(); points.voxels()];
         let tiles: Vec<Tile> = scratch.iter_mut().enumerate().map(|(b, s)| graph.tile(a, b, s)).collect();
-        let mut sums = vec![Sum::default(); self.patches.wholes.len()];
-        (first..end).map(|i| self.row(i, i - points.voxel(a).start, &tiles, &mut sums)).collect()
+        let hidden = |p: &usize| matches!(tiles[self.layout.patches[*p].voxel], Tile::Hidden);
+        let (hidden, open) = (0..self.sides.of_patch.len()).partition::<Vec<usize>, _>(hidden);
+        let mut sums = vec![Sum::default(); self.sides.wholes.len()];
+        (first..end)
+            .map(|i| self.row((i, i - points.voxel(a).start), &tiles, [&open, &hidden], &mut sums))
+            .collect()
     }
 
-    /// The corrections of receiver `i`, row `r` of its `tiles`; leaves `sums` as it found them.
-    fn row(&self, i: usize, r: usize, tiles: &[Tile], sums: &mut [Sum]) -> Row {
+    /// The corrections of a receiver, given its row in the `tiles` and what they say of the patches;
+    /// leaves `sums` as it found them.
+    fn row(
+        &self,
+        at: (usize, usize),
+        tiles: &[Tile],
+        [open, hidden]: [&[usize]; 2],
+        sums: &mut [Sum],
+    ) -> Row {
         let points = self.operator.points;
+        let i = at.0;
+        let (mut close, mut met) = (Vec::new(), Vec::new());
+        let (close, met) = (&mut close, &mut met);
+        wide(Look { receivers: self, at, tiles, patches: open, sums, near: close, met });
+        close.iter().for_each(|n: &Near| sums[n.side].some |= n.visible);
+        // What is wholly hidden counts only for sides of which something is seen.
+        let counts = |p: &usize| sums[self.sides.of_patch[*p]].some;
+        let hidden: Vec<usize> = hidden.iter().copied().filter(counts).collect();
+        wide(Look { receivers: self, at, tiles, patches: &hidden, sums, near: close, met });
+
         let mut row = Row::default();
-        let mut met: Vec<usize> = Vec::new();
-        let mut q = Vec::new();
-        // What is wholly hidden counts only for patches of which something is seen.
-        let (hidden, open): (Vec<usize>, Vec<usize>) =
-            (0..tiles.len()).partition(|&b| matches!(tiles[b], Tile::Hidden));
-        for (b, hidden) in open.into_iter().map(|b| (b, false)).chain(hidden.into_iter().map(|b| (b, true))) {
-            let counts = |run: &Run, sums: &[Sum]| !hidden || sums[run.patch].seen > 0.0;
-            if !self.patches.runs[b].iter().any(|run| counts(run, sums)) {
-                continue;
-            }
-            q.clear();
-            wide(Facing { operator: self.operator, i, b, q: &mut q });
-            for run in &self.patches.runs[b] {
-                if !counts(run, sums) {
-                    continue;
-                }
-                let sum = self.sum(i, r, (b, &tiles[b], run), &q, &mut row.entries);
-                if sum.all > 0.0 {
-                    let whole = &mut sums[run.patch];
-                    if whole.all == 0.0 {
-                        met.push(run.patch);
-                    }
-                    whole.add(&sum);
-                }
+        for Near { element, side, plain, visible } in close.drain(..) {
+            let q = near(points, i, element);
+            sums[side].all += q;
+            if visible {
+                row.entries.push((element as u32, (q - f64::from(plain)) as f32));
+                sums[side].seen += q;
+                sums[side].best = larger(sums[side].best, (element as u32, q as f32));
             }
         }
         row.near = row.entries.len() as u64;
         row.entries.sort_unstable_by_key(|e| e.0);
-        for patch in met {
-            let sum = std::mem::take(&mut sums[patch]);
+        for &side in met.iter() {
+            let sum = std::mem::take(&mut sums[side]);
             if sum.seen == 0.0 || sum.doubt < DOUBT {
                 continue;
             }
-            let whole = self.patches.wholes[patch].seen_from(points.position[i], points.normal[i]);
+            let whole = self.sides.wholes[side].seen_from(points.position[i], points.normal[i]);
             let Some(whole) = whole else { continue };
             // The visible part shares the error of the whole. What is too much comes off one element,
             // but never more than half of it.
@@ -239,77 +265,105 @@ impl Receivers<'_> {
         }
         row
     }
-
-    /// What receiver `i`, row `r` of `tile`, knows of a run in voxel `b`, given the plain factors `q`. Near
-    /// elements that it sees are added to `entries`.
-    fn sum(
-        &self,
-        i: usize,
-        r: usize,
-        (b, tile, run): (usize, &Tile, &Run),
-        q: &[Lanes],
-        entries: &mut Vec<(u32, f32)>,
-    ) -> Sum {
-        let points = self.operator.points;
-        let start = points.voxel(b).start;
-        let mut sum = Sum::default();
-        for j in run.points.clone() {
-            let c = j - start;
-            let plain = q[c / LANES][c % LANES];
-            if plain <= 0.0 {
-                continue;
-            }
-            let visible = tile.get(r, c);
-            let extent = self.patches.extent2[j];
-            let r2 = points.position[i].distance_squared(points.position[j]);
-            let mut q = f64::from(plain);
-            if extent > NEAR * r2 {
-                q = near(points, i, j);
-                if visible {
-                    entries.push((j as u32, (q - f64::from(plain)) as f32));
-                }
-            } else {
-                sum.doubt += plain * extent / r2;
-            }
-            sum.all += q;
-            if visible {
-                sum.seen += q;
-                if q as f32 > sum.best.1 {
-                    sum.best = (j as u32, q as f32);
-                }
-            }
-        }
-        sum
-    }
 }
 
-impl Sum {
-    fn add(&mut self, more: &Sum) {
-        self.all += more.all;
-        self.seen += more.seen;
-        self.doubt += more.doubt;
-        if more.best.1 > self.best.1 {
-            self.best = more.best;
-        }
-    }
+/// The larger of two elements, the first of equal ones.
+fn larger(a: (u32, f32), b: (u32, f32)) -> (u32, f32) {
+    if b.1 > a.1 { b } else { a }
 }
 
-/// The plain q of all elements of voxel `b` that point `i` faces, hidden or not, in columns.
-struct Facing<'a> {
-    operator: &'a DiffuseOperator<'a>,
-    i: usize,
-    b: usize,
-    q: &'a mut Vec<Lanes>,
+/// One receiver looking at patches: what is far is added up by sides, what is near is noted.
+struct Look<'a> {
+    receivers: &'a Receivers<'a>,
+    /// The receiver, and its row in the tiles.
+    at: (usize, usize),
+    tiles: &'a [Tile<'a>],
+    patches: &'a [usize],
+    sums: &'a mut [Sum],
+    near: &'a mut Vec<Near>,
+    /// Sides looked at.
+    met: &'a mut Vec<usize>,
 }
 
-impl HotLoop for Facing<'_> {
+impl HotLoop for Look<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Facing { operator, i, b, q } = self;
-        let columns = &operator.columns;
-        let groups = columns.starts[b]..columns.starts[b + 1];
-        q.extend(groups.map(|g| columns.seen_from(operator.points, i, g, 0xff, operator.tolerance)));
+        let Look {
+            receivers: Receivers { operator, layout, sides },
+            at: (i, r),
+            tiles,
+            patches,
+            sums,
+            near,
+            met,
+        } = self;
+        let DiffuseOperator { graph, tolerance, .. } = operator;
+        let tolerance = tolerance / layout.unit;
+        let (p, n) = (layout.position[i], layout.normal[i]);
+        let ([x, y, z], [nx, ny, nz]) = (&layout.lane_position, &layout.lane_normal);
+        for &patch in patches {
+            let side = sides.of_patch[patch];
+            let patch = &layout.patches[patch];
+            if patch.plane.is_some() && patch.height(p) as f32 <= 0.0 {
+                continue;
+            }
+            let column = patch.points.start - graph.voxel(patch.voxel).start;
+            let bits = row_bits(&tiles[patch.voxel], r, column, patch.points.len());
+            // In f64: what is lacking is a small difference of these sums.
+            let [mut all, mut seen] = [[0.0f64; LANES]; 2];
+            let mut doubt = [0.0f32; LANES];
+            let mut best = sums[side].best;
+            for (at, g) in patch.groups.clone().enumerate() {
+                let bits = (bits >> (at * LANES)) as u32;
+                let (mut q, mut ratio, mut visible) = ([0.0; LANES], [0.0; LANES], [0.0f32; LANES]);
+                let (mut close, mut better) = ([0u32; LANES], [0u32; LANES]);
+                for lane in 0..LANES {
+                    let (dx, dy, dz) = (x[g][lane] - p.x, y[g][lane] - p.y, z[g][lane] - p.z);
+                    let here = n.x * dx + n.y * dy + n.z * dz;
+                    let there = -(nx[g][lane] * dx + ny[g][lane] * dy + nz[g][lane] * dz);
+                    let inverse = 1.0 / (dx * dx + dy * dy + dz * dz);
+                    let plain = (here * inverse) * (there * inverse) * layout.lane_area[g][lane];
+                    let plain = if plain < PI { plain } else { PI };
+                    let faces = (here > tolerance) & (there > tolerance);
+                    q[lane] = if faces { plain } else { 0.0 };
+                    ratio[lane] = if faces { sides.extent2[g][lane] * inverse } else { 0.0 };
+                    visible[lane] = if bits & (1 << lane) != 0 { q[lane] } else { 0.0 };
+                    close[lane] = u32::from(ratio[lane] > NEAR);
+                    better[lane] = u32::from(visible[lane] > best.1);
+                }
+                if close.iter().sum::<u32>() != 0 {
+                    for lane in 0..LANES {
+                        if ratio[lane] > NEAR && q[lane] > 0.0 {
+                            let element = patch.points.start + at * LANES + lane;
+                            let seen = visible[lane] > 0.0;
+                            near.push(Near { element, side, plain: q[lane], visible: seen });
+                            (q[lane], visible[lane]) = (0.0, 0.0);
+                        }
+                    }
+                }
+                if better.iter().sum::<u32>() != 0 {
+                    for (lane, &visible) in visible.iter().enumerate() {
+                        best = larger(best, ((patch.points.start + at * LANES + lane) as u32, visible));
+                    }
+                }
+                for lane in 0..LANES {
+                    all[lane] += f64::from(q[lane]);
+                    seen[lane] += f64::from(visible[lane]);
+                    doubt[lane] += q[lane] * ratio[lane];
+                }
+            }
+            let sum = &mut sums[side];
+            if !sum.met {
+                met.push(side);
+            }
+            sum.met = true;
+            sum.some |= seen.iter().any(|&q| q > 0.0);
+            sum.all += all.iter().sum::<f64>();
+            sum.seen += seen.iter().sum::<f64>();
+            sum.doubt += doubt.iter().sum::<f32>();
+            sum.best = best;
+        }
     }
 }

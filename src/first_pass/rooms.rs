@@ -9,8 +9,34 @@ use crate::visibility::{Edge, VisibilityGraph};
 /// Weaker than this beside the strongest, a room is as good as dark to `f32`.
 const WEAKEST: f64 = 1e-15;
 
-/// The room of each point, numbered from 0. `passes` says whether light goes through the surface at a point.
-pub fn rooms(
+/// The room of each point, and what it depends on but for geometry.
+pub struct Rooms {
+    /// Whether light goes through the surface at each point.
+    passes: Vec<bool>,
+    /// Numbered from 0.
+    pub room: Vec<u32>,
+}
+
+impl Rooms {
+    /// Finds the rooms, unless those `kept` are the same. `passes` says whether light goes through the surface
+    /// at a point.
+    pub fn new(
+        points: &SamplePoints,
+        graph: &VisibilityGraph,
+        tolerance: f32,
+        passes: impl Fn(usize) -> bool,
+        kept: Option<Rooms>,
+    ) -> Self {
+        let passes: Vec<bool> = (0..points.len()).map(passes).collect();
+        match kept {
+            Some(kept) if kept.passes == passes => kept,
+            _ => Rooms { room: rooms(points, graph, tolerance, |i| passes[i]), passes },
+        }
+    }
+}
+
+/// The room of each point.
+fn rooms(
     points: &SamplePoints,
     graph: &VisibilityGraph,
     tolerance: f32,

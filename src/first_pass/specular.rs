@@ -54,11 +54,18 @@ pub struct SpecularPoint {
     pub transmission: Option<Directions>,
     /// Members that are specular points themselves, by specular point.
     pub links: Vec<Link>,
+    /// Deviation (mean, largest) of its rough or refracting lobes from their directional albedo, as far as they have
+    /// been scaled.
+    errors: Vec<(f64, f64)>,
+    /// Whether its lobes have been scaled.
+    scaled: bool,
 }
 
 /// What a material does with specular light.
 #[derive(Clone, Debug)]
 pub struct SpecularMaterial {
+    /// m.
+    m: f64,
     /// m².
     pub m2: f32,
     /// s F against the cosine.
@@ -75,6 +82,10 @@ pub struct SpecularMaterial {
     pub(super) albedo: AlbedoTable,
 }
 
+/// What the lobes of a material depend on: the bits of m and of n², whether there is transmission, and the tables of
+/// a solid.
+type Shape = (u64, u32, bool, Option<[Option<u64>; 3]>);
+
 /// All specular points of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct SpecularSet {
@@ -88,6 +99,11 @@ pub struct SpecularSet {
     pub closure_error: (f64, f64),
     /// Black cells that stand for openings.
     pub cells: u64,
+    /// Points whose lobes are those of an earlier set.
+    pub reused: u64,
+    /// How many ideal lobes have been balanced: of mirrors, and of what goes straight through panes; and the
+    /// deviations left.
+    balanced: [(usize, Option<(f64, f64)>); 2],
 }
 
 impl SpecularPoint {
@@ -99,6 +115,14 @@ impl SpecularPoint {
 }
 
 impl SpecularMaterial {
+    /// What lobes depend on.
+    fn shape(&self) -> Shape {
+        // What a solid reflects and refracts is scaled together, by how much of each there is.
+        let tables = [Some(&self.reflect), self.reflect_inside.as_ref(), self.transmit.as_ref()];
+        let tables = self.reflect_inside.is_some().then(|| tables.map(|t| t.map(LobeTable::fingerprint)));
+        (self.m.to_bits(), self.n2.to_bits(), self.transmit.is_some(), tables)
+    }
+
     /// `None` when there is nothing specular about the material.
     fn new(material: &crate::material::SampledMaterial) -> Option<Self> {
         if !material.is_specular() {
@@ -106,6 +130,7 @@ impl SpecularMaterial {
         }
         let share = material.s as f32;
         let mut specular = SpecularMaterial {
+            m: material.m,
             m2: (material.m * material.m) as f32,
             reflect: LobeTable::new(&material.reflect, share, false),
             reflect_inside: None,
@@ -131,13 +156,15 @@ impl SpecularMaterial {
 }
 
 impl SpecularSet {
-    /// Finds the specular points, what they see, and the scale factors of their lobes.
+    /// Finds the specular points, what they see, and the scale factors of their lobes. Points of the set of an
+    /// `earlier` appearance, by the same kernel and tolerance, are used again where nothing they depend on has
+    /// changed.
     pub fn new(
         points: &SamplePoints,
         graph: &VisibilityGraph,
         appearance: &SampledAppearance,
-        kernel: Kernel,
-        tolerance: f32,
+        (kernel, tolerance): (Kernel, f32),
+        earlier: Option<SpecularSet>,
         observer: &dyn Observer,
     ) -> Self {
         let materials: Vec<_> = appearance.materials.iter().map(SpecularMaterial::new).collect();
@@ -162,15 +189,6 @@ impl SpecularSet {
             let mirror = Origin { m2, side: Frame::new(points, i).side, straight: true };
             let attenuates =
                 inside(i) || members.iter().any(|m| m.point != NO_POINT && inside(m.point as usize));
-            let mut links: Vec<Link> = members
-                .iter()
-                .enumerate()
-                .filter_map(|(member, m)| {
-                    let point = chosen.binary_search(&m.point).ok()? as u32;
-                    Some(Link { member: member as u32, point, back: NO_POINT })
-                })
-                .collect();
-            links.sort_by_key(|l| l.point);
             SpecularPoint {
                 point: i as u32,
                 twin,
@@ -190,7 +208,9 @@ impl SpecularSet {
                         Directions::new(window, &directions)
                     }
                 }),
-                links,
+                links: Vec::new(),
+                errors: Vec::new(),
+                scaled: false,
             }
         };
         if chosen.is_empty() {
@@ -200,19 +220,81 @@ impl SpecularSet {
                 ..Default::default()
             };
         }
-        observer.begin("specular points", chosen.len() as u64);
         let mut set = SpecularSet {
-            points: chosen.par_iter().map(build).inspect(|_| observer.advance(1)).collect(),
-            materials,
+            points: Vec::new(),
             wavelengths: appearance.wavelengths.len(),
             closure_error: (0.0, 0.0),
             cells: 0,
+            reused: 0,
+            balanced: earlier.as_ref().map_or_else(Default::default, |set| set.balanced),
+            materials: Vec::new(),
         };
+        let before = earlier.as_ref().map_or(0, |set| set.points.len());
+        let mut kept = earlier.map_or_else(Vec::new, |earlier| {
+            let shape = |i: usize| materials[material_of(i)].as_ref().map(SpecularMaterial::shape);
+            earlier.kept(points, shape)
+        });
+        kept.resize_with(points.len(), || None);
+        let mut found: Vec<(u32, Option<SpecularPoint>)> =
+            chosen.iter().map(|&i| (i, kept[i as usize].take())).collect();
+        // What solids reflect is balanced together with all mirrors, before it is scaled together with what they refract.
+        if before != chosen.len() || found.iter().any(|f| f.1.is_none()) {
+            let refracts = |p: &SpecularPoint| p.transmission.as_ref().is_some_and(|t| !t.origin.straight);
+            found.iter_mut().for_each(|f| f.1 = f.1.take().filter(|p| !refracts(p)));
+        }
+        set.reused = found.iter().filter(|f| f.1.is_some()).count() as u64;
+        observer.begin("specular points", chosen.len() as u64 - set.reused);
+        let fresh = |(i, kept): (u32, Option<SpecularPoint>)| match kept {
+            Some(kept) => {
+                let glass = kept.twin.is_some();
+                let twin = chosen.binary_search(&points.twin[i as usize]).ok().filter(|_| glass);
+                let (material, twin) = (material_of(i as usize), twin.map(|t| t as u32));
+                SpecularPoint { material, twin, ..kept }
+            }
+            None => {
+                let point = build(&i);
+                observer.advance(1);
+                point
+            }
+        };
+        set.points = found.into_par_iter().map(fresh).collect();
+        set.materials = materials;
         observer.end();
         set.connect();
         set.normalise(points, observer);
         set.cells = set.points.iter().flat_map(|p| &p.members).filter(|&&m| m == NO_POINT).count() as u64;
         set
+    }
+
+    /// The points, by sample point, whose lobes hold where `shape` is that of the material that a sample point
+    /// wears now ([`SpecularMaterial::shape`]).
+    fn kept(
+        self,
+        points: &SamplePoints,
+        shape: impl Fn(usize) -> Option<Shape> + Sync,
+    ) -> Vec<Option<SpecularPoint>> {
+        let mut before = vec![None; points.len()];
+        for point in &self.points {
+            before[point.point as usize] = self.material(point).map(SpecularMaterial::shape);
+        }
+        // What others see of a point is whether it is specular, and whether it is inside a solid.
+        let seen = |shape: Option<Shape>| shape.map(|s| s.3.is_some());
+        let changed: Vec<bool> = (0..points.len()).map(|i| seen(before[i]) != seen(shape(i))).collect();
+        let holds = |point: &SpecularPoint| {
+            let i = point.point as usize;
+            before[i] == shape(i) && !point.members.iter().any(|&m| m != NO_POINT && changed[m as usize])
+        };
+        let holds: Vec<bool> = self.points.par_iter().map(holds).collect();
+        let mut kept: Vec<Option<SpecularPoint>> = Vec::new();
+        kept.resize_with(points.len(), || None);
+        for (s, point) in self.points.into_iter().enumerate() {
+            // The two sides of a pane share their lobes.
+            if holds[s] && point.twin.is_none_or(|t| holds[t as usize]) {
+                let i = point.point as usize;
+                kept[i] = Some(point);
+            }
+        }
+        kept
     }
 
     /// The material of a specular point.
@@ -225,8 +307,18 @@ impl SpecularSet {
         self.wavelengths.div_ceil(BAND)
     }
 
-    /// Finds for every link the link back.
+    /// Finds the links, and for every link the link back.
     fn connect(&mut self) {
+        let place: std::collections::HashMap<u32, u32> =
+            self.points.iter().enumerate().map(|(s, p)| (p.point, s as u32)).collect();
+        self.points.par_iter_mut().for_each(|p| {
+            // Specular points stand first.
+            let linked = p.members.iter().enumerate().map_while(|(member, m)| {
+                Some(Link { member: member as u32, point: *place.get(m)?, back: NO_POINT })
+            });
+            p.links = linked.collect();
+            p.links.sort_by_key(|l| l.point);
+        });
         let back: Vec<Vec<u32>> = (0..self.points.len())
             .into_par_iter()
             .map(|s| {
@@ -244,33 +336,42 @@ impl SpecularSet {
         }
     }
 
-    /// Scales all lobes to their directional albedo.
+    /// Scales all lobes that are not yet scaled to their directional albedo.
     fn normalise(&mut self, sample: &SamplePoints, observer: &dyn Observer) {
         let materials = &self.materials;
-        let lobes: usize = self.points.iter().map(|p| 1 + usize::from(p.transmission.is_some())).sum();
+        let new = || self.points.iter().filter(|p| !p.scaled);
+        let lobes: usize = new().map(|p| 1 + usize::from(p.transmission.is_some())).sum();
         observer.begin("specular lobes", lobes as u64);
-        let mut errors: Vec<(f64, f64)> = self
-            .points
+        self.points
             .par_iter_mut()
+            .filter(|p| !p.scaled)
             .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
             .filter(|(_, m)| m.m2 > 0.0)
-            .map(|(p, m)| normalise_reflection(&mut p.reflection, &m.albedo))
-            .inspect(|_| observer.advance(1))
-            .collect();
-        errors.extend(self.balance(sample, false, observer));
-        errors.extend(self.balance(sample, true, observer));
-        errors.extend(self.normalise_solids(observer));
+            .for_each(|(p, m)| {
+                p.errors.push(normalise_reflection(&mut p.reflection, &m.albedo));
+                observer.advance(1);
+            });
+        for through in [false, true] {
+            self.balanced[usize::from(through)] = self.balance(sample, through, observer);
+        }
+        self.normalise_solids(observer);
         observer.end();
+        self.points.iter_mut().for_each(|p| p.scaled = true);
+        let balanced = self.balanced.iter().filter_map(|b| b.1.as_ref());
+        let errors: Vec<(f64, f64)> =
+            self.points.iter().flat_map(|p| &p.errors).chain(balanced).copied().collect();
         if !errors.is_empty() {
             let mean = errors.iter().map(|e| e.0).sum::<f64>() / errors.len() as f64;
             self.closure_error = (mean, errors.iter().map(|e| e.1).fold(0.0, f64::max));
         }
     }
 
-    /// Scales what solids reflect and refract. Returns what balancing did not place in its lobe, by pairs of points.
-    fn normalise_solids(&mut self, observer: &dyn Observer) -> Vec<(f64, f64)> {
+    /// Scales what solids reflect and refract, and notes what balancing did not place in its lobe.
+    fn normalise_solids(&mut self, observer: &dyn Observer) {
         let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())
-            .filter(|(_, p)| !p.inside && p.transmission.as_ref().is_some_and(|t| !t.origin.straight))
+            .filter(|(_, p)| {
+                !p.scaled && !p.inside && p.transmission.as_ref().is_some_and(|t| !t.origin.straight)
+            })
             .filter_map(|(s, p)| p.twin.map(|t| (s, t as usize)))
             .collect();
         let scaled: Vec<_> = pairs
@@ -298,25 +399,29 @@ impl SpecularSet {
                 Some((s, t, lobes, error))
             })
             .collect();
-        let put = |(s, t, lobes, error): (usize, usize, [(Directions, Directions); 2], _)| {
+        for (s, t, lobes, error) in scaled {
             for (s, (reflection, transmission)) in [s, t].into_iter().zip(lobes) {
                 self.points[s].reflection = reflection;
                 self.points[s].transmission = Some(transmission);
             }
-            error
-        };
-        scaled.into_iter().map(put).collect()
+            self.points[s].errors.push(error);
+        }
     }
 
-    /// Balances the ideal lobes of all mirrors, or of what goes straight `through` panes. Returns the deviation left.
+    /// Balances the ideal lobes of all mirrors, or of what goes straight `through` panes, unless all of them have been.
+    /// Returns their number, and the deviation left.
     fn balance(
         &mut self,
         sample: &SamplePoints,
         through: bool,
         observer: &dyn Observer,
-    ) -> Option<(f64, f64)> {
+    ) -> (usize, Option<(f64, f64)>) {
         let chosen: Vec<usize> =
             (0..self.points.len()).filter(|&s| self.points[s].straight_lobe(through).is_some()).collect();
+        let before = self.balanced[usize::from(through)];
+        if chosen.len() == before.0 && chosen.iter().all(|&s| self.points[s].scaled) {
+            return before;
+        }
         let place = |s: usize| chosen.binary_search(&s).ok();
         let mut groups = std::collections::BTreeMap::new();
         let mut elements: Vec<Element> = Vec::new();
@@ -325,8 +430,10 @@ impl SpecularSet {
             let i = point.point as usize;
             let next = groups.len();
             let group = *groups.entry((sample.surface[i], sample.side[i] == Side::Back)).or_insert(next);
+            let mut directions = point.straight_lobe(through).map(std::mem::take).unwrap_or_default();
+            directions.scale.fill([1.0; LANES]);
             elements.push(Element {
-                directions: point.straight_lobe(through).map(std::mem::take).unwrap_or_default(),
+                directions,
                 other: if through { point.twin.and_then(|t| place(t as usize)).unwrap_or(at) } else { at },
                 group,
                 area: sample.area[i],
@@ -343,6 +450,6 @@ impl SpecularSet {
                 point.reflection = element.directions;
             }
         }
-        error
+        (chosen.len(), error)
     }
 }

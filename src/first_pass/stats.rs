@@ -43,6 +43,10 @@ pub struct FirstPassStats {
     pub points: u64,
     /// Points that carry directional radiance.
     pub specular_points: u64,
+    /// Those whose lobes an earlier appearance of the scene left behind.
+    pub specular_points_reused: u64,
+    /// Whether the form factors were there from an earlier appearance.
+    pub form_factors_reused: bool,
     /// Ordered pairs whose factor is the exact one.
     pub near_pairs: u64,
     /// Pairs of a point and a surface whose elements together have the exact factor.
@@ -114,13 +118,19 @@ pub fn closure_error(row_sums: &[f32], area: &[f32]) -> (f64, f64) {
 /// of the two, over all pairs that see each other.
 pub fn reciprocity_error(points: &SamplePoints, diffuse: &DiffuseOperator) -> (f64, f64) {
     let corrections = diffuse.corrections();
-    let power = |i: usize, j: usize| f64::from(points.area[i]) * f64::from(diffuse.factor(i, j));
+    let back = corrections.transposed();
     // Pairs that neither way corrects are the plain kernel's, which is reciprocal.
     let of_row = |i: usize| {
         let (mut sum, mut largest) = (0.0, 0.0f64);
-        for (j, _) in corrections.row(i) {
-            let (there, back) = (power(i, j), power(j, i));
-            let met_again = corrections.get(j, i) != 0.0;
+        let mut ways_back = back.row(i).peekable();
+        for (j, forth) in corrections.row(i) {
+            while ways_back.next_if(|(k, _)| *k < j).is_some() {}
+            let found = ways_back.next_if(|(k, _)| *k == j);
+            let power = |i: usize, j: usize, more: f32| {
+                f64::from(points.area[i]) * f64::from(diffuse.plain_factor(i, j) + more)
+            };
+            let (there, back) = (power(i, j, forth), power(j, i, found.map_or(0.0, |f| f.1)));
+            let met_again = found.is_some_and(|f| f.1 != 0.0);
             sum += (there - back).abs() * if met_again { 1.0 } else { 2.0 };
             largest = largest.max((there - back).abs() / there.max(back));
         }

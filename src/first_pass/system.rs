@@ -2,8 +2,9 @@
 
 use super::diffuse::DiffuseOperator;
 use super::flow::ChainFlow;
+use super::known::Known;
 use super::lights::PointLighting;
-use super::rooms::{rooms, weights};
+use super::rooms::{Rooms, weights};
 use super::settings::FirstPassSettings;
 use super::specular::SpecularSet;
 use super::stats::over_area;
@@ -12,7 +13,6 @@ use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
-use crate::visibility::VisibilityGraph;
 use std::f64::consts::PI;
 
 /// How far one inner solve of the diffuse part goes. It decides how fast the outer solve comes to its
@@ -24,7 +24,7 @@ pub struct System<'a> {
     /// The sample points.
     pub points: &'a SamplePoints,
     /// D.
-    pub diffuse: DiffuseOperator<'a>,
+    pub diffuse: &'a DiffuseOperator<'a>,
     /// S.
     pub specular: SpecularSet,
     /// L^E, `[W][N]`.
@@ -37,8 +37,8 @@ pub struct System<'a> {
     pub reflectance: Vec<f32>,
     /// Whether a point reflects diffusely at any wavelength.
     pub reflects: Vec<bool>,
-    /// The room of each point.
-    pub room: Vec<u32>,
+    /// The rooms of the scene.
+    pub(super) rooms: Rooms,
 }
 
 /// A solution on the way: radiance, and what the chains contribute to it.
@@ -54,15 +54,27 @@ pub struct Solved {
 }
 
 impl<'a> System<'a> {
-    /// Prepares both operators.
+    /// Prepares what depends on the appearance.
     pub fn new(
         geometry: &Geometry,
-        points: &'a SamplePoints,
-        graph: &'a VisibilityGraph,
+        diffuse: &'a DiffuseOperator<'a>,
         appearance: &SampledAppearance,
         settings: &FirstPassSettings,
         observer: &dyn Observer,
     ) -> Self {
+        Self::with(geometry, diffuse, appearance, settings, (None, None), observer)
+    }
+
+    /// The same, using again what is `kept` of another appearance wherever it is the same.
+    pub(super) fn with(
+        geometry: &Geometry,
+        diffuse: &'a DiffuseOperator<'a>,
+        appearance: &SampledAppearance,
+        settings: &FirstPassSettings,
+        (rooms, specular): (Option<Rooms>, Option<SpecularSet>),
+        observer: &dyn Observer,
+    ) -> Self {
+        let (points, graph) = (diffuse.points, diffuse.graph);
         let tolerance = geometry.plane_tolerance() as f32;
         let (n, w) = (points.len(), appearance.wavelengths.len());
         let (mut emission, mut reflectance) = (vec![0.0; n * w], vec![0.0; n * w]);
@@ -74,7 +86,8 @@ impl<'a> System<'a> {
                 reflectance[k * n + i] = material.diffuse[k];
             }
         }
-        let specular = SpecularSet::new(points, graph, appearance, settings.kernel, tolerance, observer);
+        let specular =
+            SpecularSet::new(points, graph, appearance, (settings.kernel, tolerance), specular, observer);
         let lights = PointLighting::new(geometry, points, graph, appearance, &specular);
         let light_chains = if lights.misses_specular_points() {
             ChainFlow::default()
@@ -82,19 +95,9 @@ impl<'a> System<'a> {
             specular.apply_to_lights(points, &lights, &settings.chain)
         };
         let passes = |i: usize| appearance.of(points.surface[i]).transmission.is_some();
-        let room = rooms(points, graph, tolerance, passes);
+        let rooms = Rooms::new(points, graph, tolerance, passes, rooms);
         let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
-        System {
-            points,
-            diffuse: DiffuseOperator::new(geometry, points, graph, settings.kernel, observer),
-            specular,
-            emission,
-            lights,
-            light_chains,
-            reflectance,
-            reflects,
-            room,
-        }
+        System { points, diffuse, specular, emission, lights, light_chains, reflectance, reflects, rooms }
     }
 
     /// W.
@@ -143,7 +146,7 @@ impl<'a> System<'a> {
         self.emitted().iter().map(|f| tolerance * f / (PI * area.sqrt())).collect()
     }
 
-    /// The complete iterative solution: GMRES on the whole system, with GMRES on its diffuse part as
+    /// The complete iterative solution: GMRES on the whole system, with its diffuse part solved as
     /// preconditioner, since a sweep costs less than a round of specular chains. `progress` hears how many
     /// times its goal the residual is.
     pub fn solve_iteratively(
@@ -151,13 +154,12 @@ impl<'a> System<'a> {
         settings: &FirstPassSettings,
         mut progress: impl FnMut(f64),
     ) -> Result<Solved> {
-        let w = self.wavelengths();
         let max_sweeps = settings.max_sweeps as usize;
         let mut sweeps = 0usize;
         let mut flows: Vec<ChainFlow> = Vec::new();
         let goals = self.goals(settings.tolerance);
         let sources = self.sources();
-        let weights = weights(self.points, &self.room, &sources);
+        let weights = weights(self.points, &self.rooms.room, &sources);
         let outcome = if self.specular.points.is_empty() {
             gmres::solve(&sources, &weights, &goals, max_sweeps, |v, excess| {
                 sweeps += 1;
@@ -165,22 +167,22 @@ impl<'a> System<'a> {
                 Ok((v.to_vec(), self.diffuse_step(v)))
             })?
         } else {
+            let mut known = Known::default();
             gmres::solve(&sources, &weights, &goals, max_sweeps, |v, excess| {
                 progress(excess);
-                let inner_goals = vec![INNER; w];
                 let left = max_sweeps.saturating_sub(sweeps);
-                let inner = gmres::solve(v, &weights, &inner_goals, left, |v, _| {
+                let (x, residual) = known.solve(v, &weights, INNER, left, |v| {
                     sweeps += 1;
-                    Ok((v.to_vec(), self.diffuse_step(v)))
-                })?;
+                    self.diffuse_step(v)
+                });
                 if sweeps >= max_sweeps {
                     return Err(unfinished(settings));
                 }
-                let flow = self.specular.apply(self.points, &inner.x, &settings.chain);
+                let flow = self.specular.apply(self.points, &x, &settings.chain);
                 let back = self.reflected(&flow.irradiance);
                 flows.push(flow);
-                let image = v.iter().zip(&inner.residual).zip(&back).map(|((v, r), b)| v - r - b).collect();
-                Ok((inner.x, image))
+                let image = v.iter().zip(&residual).zip(&back).map(|((v, r), b)| v - r - b).collect();
+                Ok((x, image))
             })?
         };
         if outcome.norm.iter().zip(&goals).any(|(norm, goal)| norm > goal || !norm.is_finite()) {

@@ -1,0 +1,163 @@
+//! One scene under one appearance after another.
+
+use super::diffuse::DiffuseOperator;
+use super::rooms::Rooms;
+use super::settings::{FirstPassSettings, Solver};
+use super::specular::SpecularSet;
+use super::stats::{self, FirstPassStats, Range};
+use super::system::System;
+use super::{DiffuseSolution, STEPS, check_appearance, descent, refuse_endless, visibility_calls};
+use crate::error::{Error, Result};
+use crate::observer::Observer;
+use crate::points::SamplePoints;
+use crate::scene::{Geometry, SampledAppearance};
+use crate::visibility::VisibilityGraph;
+use std::time::Instant;
+
+/// The first pass of a scene. It keeps what the next appearance can use again: the form factors always, rooms as long
+/// as light passes the same surfaces, and the lobes of specular points where neither they nor what they
+/// see has got another roughness or has become or ceased to be specular; those of solids if nothing at all changes that lobes
+/// depend on. The
+/// solution is the same, to the bit, as if nothing had been kept.
+pub struct Relighter<'a> {
+    geometry: &'a Geometry,
+    points: &'a SamplePoints,
+    graph: &'a VisibilityGraph,
+    settings: FirstPassSettings,
+    diffuse: DiffuseOperator<'a>,
+    /// [`stats::reciprocity_error`].
+    reciprocity: (f64, f64),
+    rooms: Option<Rooms>,
+    specular: Option<SpecularSet>,
+    /// Time spent on what is kept and not yet reported, s.
+    pending_s: f64,
+    /// How often light has been found.
+    runs: usize,
+}
+
+impl<'a> Relighter<'a> {
+    /// Prepares the form factors.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when graph and points do not belong together or a setting cannot be used.
+    pub fn new(
+        geometry: &'a Geometry,
+        points: &'a SamplePoints,
+        graph: &'a VisibilityGraph,
+        settings: &FirstPassSettings,
+        observer: &dyn Observer,
+    ) -> Result<Self> {
+        settings.validate()?;
+        if graph.key() != &points.key {
+            let message = "the visibility graph was built for other sample points: build it again";
+            return Err(Error::Settings(message.into()));
+        }
+        let clock = Instant::now();
+        let diffuse = DiffuseOperator::new(geometry, points, graph, settings.kernel, observer);
+        Ok(Relighter {
+            geometry,
+            points,
+            graph,
+            settings: *settings,
+            reciprocity: stats::reciprocity_error(points, &diffuse),
+            diffuse,
+            rooms: None,
+            specular: None,
+            pending_s: clock.elapsed().as_secs_f64(),
+            runs: 0,
+        })
+    }
+
+    /// Solves for the global diffuse radiance under `appearance`. No ray is cast.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when the appearance does not belong to the scene; [`Error::Numerical`] when the
+    /// tolerance is not reached or the light grows without end.
+    pub fn light(
+        &mut self,
+        appearance: &SampledAppearance,
+        observer: &dyn Observer,
+    ) -> Result<DiffuseSolution> {
+        let (geometry, points, settings) = (self.geometry, self.points, &self.settings);
+        check_appearance(geometry, self.graph, appearance)?;
+        let clock = Instant::now();
+        let kept = (self.rooms.take(), self.specular.take());
+        let system = System::with(geometry, &self.diffuse, appearance, settings, kept, observer);
+        let setup_s = clock.elapsed().as_secs_f64() + std::mem::take(&mut self.pending_s);
+        let clock = Instant::now();
+        observer.begin("first pass", STEPS);
+        let solved = match settings.solver {
+            Solver::Iterative => system.solve_iteratively(settings, descent(observer)),
+            Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
+        };
+        observer.end();
+        let solved = solved?;
+
+        // One more sweep gives the true residual and a solution that is no worse.
+        let mut irradiance = self.diffuse.irradiance(&solved.radiance, |_| true);
+        for more in [&solved.flow.irradiance, &system.lights.irradiance] {
+            irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
+        }
+        let reflected = system.reflected(&irradiance);
+        let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
+        let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
+        let emitted = system.emitted();
+        refuse_endless(&mut radiance, &system, settings)?;
+
+        // What only the report asks for is not part of the solution's time.
+        let solve_s = clock.elapsed().as_secs_f64();
+        let share = |part: Vec<f64>| {
+            let ratio = |(p, e): (&f64, &f64)| if *e > 0.0 { p.abs() / e } else { 0.0 };
+            part.iter().zip(&emitted).map(ratio).fold(0.0, f64::max)
+        };
+        let diffuse = &self.diffuse;
+        let (closure_error_mean, closure_error_max) = stats::closure_error(diffuse.row_sums(), &points.area);
+        let stats = FirstPassStats {
+            points: points.len() as u64,
+            specular_points: system.specular.points.len() as u64,
+            specular_points_reused: system.specular.reused,
+            form_factors_reused: self.runs > 0,
+            near_pairs: diffuse.corrections().near_pairs,
+            summed_surfaces: diffuse.corrections().summed_surfaces,
+            row_sum: Range::of(diffuse.row_sums(), &points.area),
+            closure_error_mean,
+            closure_error_max,
+            reciprocity_error_mean: self.reciprocity.0,
+            reciprocity_error_max: self.reciprocity.1,
+            lobe_error_mean: system.specular.closure_error.0,
+            lobe_error_max: system.specular.closure_error.1,
+            opening_cells: system.specular.cells,
+            sweeps: solved.sweeps + 1.0,
+            rounds: solved.rounds,
+            longest_chain: solved.flow.bounces,
+            residual: share(system.flux(&difference)),
+            cut_off: share(solved.flow.cut_off.clone()),
+            flux: stats::balance(
+                points,
+                diffuse,
+                &system.specular,
+                [&system.emission, &system.reflectance, &solved.radiance, &irradiance],
+                &solved.flow,
+                &system.lights,
+            ),
+            rays_cast: 0,
+            visibility_calls_without_graph: settings.count_visibility_calls.then(|| {
+                let tolerance = geometry.plane_tolerance() as f32;
+                visibility_calls::count(points, &system.specular, tolerance, solved.flow.bounces)
+            }),
+            setup_s,
+            solve_s,
+        };
+        let (n, w) = (points.len(), system.wavelengths());
+        let by_point = (0..n * w).map(|at| radiance[at % w * n + at / w]).collect();
+        self.runs += 1;
+        (self.rooms, self.specular) = (Some(system.rooms), Some(system.specular));
+        Ok(DiffuseSolution { wavelengths: appearance.wavelengths.clone(), radiance: by_point, stats })
+    }
+
+    /// One sweep: the irradiance of all points from the radiance of all points by diffuse exchange alone, both
+    /// `[W][N]`.
+    pub fn sweep(&self, radiance: &[f32]) -> Vec<f32> {
+        self.diffuse.irradiance(radiance, |_| true)
+    }
+}

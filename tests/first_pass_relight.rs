@@ -1,0 +1,91 @@
+//! Does a new appearance over kept form factors, rooms and lobes give what a fresh run gives, and is what can be
+//! kept kept?
+
+mod first_pass_support;
+
+use first_pass_support::*;
+use glam::DVec3;
+use luxgraph::first_pass::{FirstPassSettings, Relighter, solve};
+use luxgraph::material::SampledMaterial;
+use luxgraph::observer::Silent;
+
+const WALL: usize = 0;
+const LAMP: usize = 1;
+const GLOSS: usize = 2;
+const MIRROR: usize = 3;
+const PANE: usize = 4;
+const BLOCK: usize = 5;
+
+fn materials() -> Vec<SampledMaterial> {
+    vec![
+        diffuse(0.6, 0.0),
+        diffuse(0.1, 3.0),
+        glossy(0.7, 0.9, 0.2, 0.1, 0.0),
+        glossy(0.9, 0.9, 0.0, 0.05, 0.0),
+        pane(0.1, 0.8),
+        solid(1.5, 0.3),
+    ]
+}
+
+/// A room with a gloss, a mirror, a pane and a block of glass.
+fn scene() -> TestScene {
+    let mut quads = room(DVec3::ZERO, DVec3::ONE, [WALL, GLOSS, MIRROR, WALL, WALL, LAMP]);
+    let v = |x: f64, z: f64| DVec3::new(x, 0.5, z);
+    quads.push(([v(0.2, 0.3), v(0.5, 0.3), v(0.5, 0.7), v(0.2, 0.7)], PANE, true));
+    quads.extend(block(DVec3::new(0.6, 0.6, 0.3), DVec3::new(0.8, 0.8, 0.5), BLOCK, true));
+    TestScene::new(&quads, materials(), 1.0 / 36.0)
+}
+
+#[test]
+fn every_change_gives_the_bits_of_a_fresh_run() {
+    let mut scene = scene();
+    let settings = FirstPassSettings::default();
+    let TestScene { geometry, points, graph, appearance } = &mut scene;
+    let mut relighter = Relighter::new(geometry, points, graph, &settings, &Silent).unwrap();
+    // What changes, and whether all lobes, some or none are kept.
+    type Change = (&'static str, fn(&mut Vec<SampledMaterial>), std::ops::RangeInclusive<f64>);
+    let changes: [Change; 10] = [
+        ("nothing before", |_| (), 0.0..=0.0),
+        ("emission", |m| m[LAMP] = diffuse(0.1, 7.0), 1.0..=1.0),
+        ("reflectance", |m| m[WALL] = diffuse(0.3, 0.0), 1.0..=1.0),
+        ("Fresnel factor", |m| m[GLOSS] = glossy(0.7, 0.5, 0.2, 0.1, 0.0), 1.0..=1.0),
+        ("roughness", |m| m[GLOSS] = glossy(0.7, 0.5, 0.3, 0.1, 0.0), 0.3..=0.95),
+        ("a mirror gets rough", |m| m[MIRROR] = glossy(0.9, 0.9, 0.1, 0.05, 0.0), 0.3..=0.95),
+        ("and smooth again", |m| m[MIRROR] = glossy(0.9, 0.9, 0.0, 0.05, 0.0), 0.3..=0.95),
+        ("the gloss is gone", |m| m[GLOSS] = diffuse(0.5, 0.0), 0.0..=0.1),
+        ("the glass is denser", |m| m[BLOCK] = solid(1.8, 0.3), 0.3..=0.9),
+        ("all is as it was", |m| *m = materials(), 0.0..=0.1),
+    ];
+    for (name, change, kept) in changes {
+        change(&mut appearance.materials);
+        let relit = relighter.light(appearance, &Silent).unwrap();
+        let fresh = solve(geometry, points, graph, appearance, &settings, &Silent).unwrap();
+        assert_eq!(relit.radiance, fresh.radiance, "{name}");
+        let (now, then) = (&relit.stats, &fresh.stats);
+        assert_eq!(now.lobe_error_mean, then.lobe_error_mean, "{name}");
+        assert_eq!(now.lobe_error_max, then.lobe_error_max, "{name}");
+        assert_eq!((now.sweeps, &now.flux), (then.sweeps, &then.flux), "{name}");
+        assert_eq!(then.specular_points_reused, 0);
+        let share = now.specular_points_reused as f64 / now.specular_points as f64;
+        println!("{name}: {} of {} lobes kept", now.specular_points_reused, now.specular_points);
+        assert!(kept.contains(&share), "{name}: {share} of the lobes kept");
+    }
+}
+
+#[test]
+fn a_failed_appearance_leaves_the_relighter_as_good_as_new() {
+    let mut scene = scene();
+    let settings = FirstPassSettings::default();
+    let TestScene { geometry, points, graph, appearance } = &mut scene;
+    let mut relighter = Relighter::new(geometry, points, graph, &settings, &Silent).unwrap();
+    let expected = relighter.light(appearance, &Silent).unwrap().radiance;
+    let sane = appearance.materials.clone();
+    appearance.materials[WALL].diffuse.fill(f32::NAN);
+    assert!(relighter.light(appearance, &Silent).is_err());
+    for m in &mut appearance.materials {
+        *m = diffuse(1.0, 1.0);
+    }
+    assert!(relighter.light(appearance, &Silent).is_err());
+    appearance.materials = sane;
+    assert_eq!(relighter.light(appearance, &Silent).unwrap().radiance, expected);
+}
