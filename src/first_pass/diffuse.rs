@@ -90,7 +90,9 @@ impl<'a> DiffuseOperator<'a> {
 
     /// q of element `j` seen from `i`, which see each other.
     pub fn factor(&self, i: usize, j: usize) -> f32 {
-        self.plain_factor(i, j) + self.corrections.get(i, j)
+        // What an element of the inside of a sphere sees of itself is a correction alone.
+        let plain = if i == j { 0.0 } else { self.plain_factor(i, j) };
+        plain + self.corrections.get(i, j)
     }
 
     /// The same by the plain kernel.

@@ -4,9 +4,9 @@
 use super::diffuse::{DiffuseOperator, LANES, Lanes};
 use super::form_factor::{NEAR, exact, extent2, near};
 use super::layout::Layout;
-use super::round::of_whole;
+use super::round::{of_whole, within_sphere};
 use super::schedule::row_bits;
-use crate::geometry::{Round, Shape, Side};
+use crate::geometry::{Round, Shape, Side, SurfaceId};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
@@ -118,15 +118,26 @@ enum Whole {
     /// Corners.
     Polygon([Vec3; 4]),
     /// What is no polygon.
-    Round(Round, Side),
+    Round(Round, Side, SurfaceId),
 }
 
 impl Whole {
+    /// Whether elements may be partly out of sight of a point that faces them, or in sight of one that they turn away from,
+    /// however far it is.
+    fn is_curved(&self) -> bool {
+        matches!(self, Whole::Round(Round::Sphere(_), ..))
+    }
+
+    /// Whether it is the surface `id`, and no polygon.
+    fn is_round(&self, id: SurfaceId) -> bool {
+        matches!(self, Whole::Round(.., own) if *own == id)
+    }
+
     /// q of all that is above the horizon and faces the point, if known.
     fn seen_from(&self, position: Vec3, normal: Vec3) -> Option<f64> {
         match self {
             Whole::Polygon(corners) => Some(exact(position, normal, corners)),
-            Whole::Round(round, side) => of_whole(position, normal, round, *side),
+            Whole::Round(round, side, _) => of_whole(position, normal, round, *side),
         }
     }
 }
@@ -156,8 +167,8 @@ impl Sides {
                 sides.wholes.push(match geometry.surface(id.0).shape {
                     Shape::Quad(v) => Whole::Polygon(v.map(|v| v.as_vec3())),
                     Shape::Triangle([a, b, c]) => Whole::Polygon([a, b, c, c].map(|v| v.as_vec3())),
-                    Shape::Disc(disc) => Whole::Round(Round::Disc(disc), points.side[first]),
-                    Shape::Sphere(sphere) => Whole::Round(Round::Sphere(sphere), points.side[first]),
+                    Shape::Disc(disc) => Whole::Round(Round::Disc(disc), points.side[first], id.0),
+                    Shape::Sphere(sphere) => Whole::Round(Round::Sphere(sphere), points.side[first], id.0),
                 });
                 sides.wholes.len() - 1
             }));
@@ -245,14 +256,24 @@ impl Receivers<'_> {
                 sums[side].best = larger(sums[side].best, (element as u32, q as f32));
             }
         }
+        if let Some(piece) = points.round(i)
+            && matches!(piece.round, Round::Sphere(_))
+            && !piece.round.looks_out(piece.side)
+        {
+            // An element of the inside of a sphere sees itself.
+            row.entries.push((i as u32, within_sphere(&piece) as f32));
+        }
         row.near = row.entries.len() as u64;
         row.entries.sort_unstable_by_key(|e| e.0);
         for &side in met.iter() {
             let sum = std::mem::take(&mut sums[side]);
-            if sum.seen == 0.0 || sum.doubt < DOUBT {
+            let whole = &self.sides.wholes[side];
+            // From a sphere itself all its elements have their exact factors.
+            let exact = sum.doubt < DOUBT && !whole.is_curved() || whole.is_round(points.surface[i]);
+            if sum.seen == 0.0 || exact {
                 continue;
             }
-            let whole = self.sides.wholes[side].seen_from(points.position[i], points.normal[i]);
+            let whole = whole.seen_from(points.position[i], points.normal[i]);
             let Some(whole) = whole else { continue };
             // The visible part shares the error of the whole. What is too much comes off one element,
             // but never more than half of it.

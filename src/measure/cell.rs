@@ -86,12 +86,7 @@ impl Cell {
     /// the sensor.
     pub fn faces(&self, geometry: &Geometry, place: &Place) -> bool {
         if let Some(piece) = &self.piece {
-            // Some of a few of its points must be in front of the sensor and have it in front of them.
-            return (0..9).any(|k| {
-                let p = piece.at(0.5 * f64::from(k % 3), 0.5 * f64::from(k / 3));
-                let height = piece.normal_at(p).dot(place.position - p);
-                height > geometry.plane_tolerance() && place.height(p) > 0.0
-            });
+            return piece.may_face(place.position) && place.height(piece.at(0.5, 0.5)) > -piece.reach();
         }
         let distance = geometry.surface(self.surface).distance(place.position);
         let in_front = if self.side == Side::Front { distance } else { -distance };

@@ -39,6 +39,27 @@ impl Piece {
         if self.side == Side::Front { normal } else { -normal }
     }
 
+    /// No point of the piece is further from its middle, m.
+    pub fn reach(&self) -> f64 {
+        if self.cell.level < 2 {
+            return 2.0 * self.round.radius();
+        }
+        let middle = self.at(0.5, 0.5);
+        let rim = |k: u32| middle.distance(self.at(0.5 * f64::from(k % 3), 0.5 * f64::from(k / 3)));
+        // The rim bulges between these eight points.
+        1.2 * (0..9).map(rim).fold(0.0, f64::max)
+    }
+
+    /// Whether `p` may be in front of some of the piece: never false where it is.
+    pub fn may_face(&self, p: DVec3) -> bool {
+        let middle = self.at(0.5, 0.5);
+        let way = p - middle;
+        let turn =
+            if matches!(self.round, Round::Sphere(_)) { self.reach() / self.round.radius() } else { 0.0 };
+        // Over the piece the normal turns by no more than its width over the radius.
+        self.normal_at(middle).dot(way) + turn * (way.length() + self.reach()) > 0.0
+    }
+
     /// The four quarters.
     pub fn quarters(&self) -> [Piece; 4] {
         [0, 1, 2, 3].map(|child| Piece { cell: self.cell.child(child), ..*self })

@@ -2,13 +2,14 @@
 //! every wall has the radiance E / (1 - ρ), whatever the shape.
 
 use super::model::{Lit, Model};
-use super::shapes::walls;
+use super::shapes::{sphere, walls};
 use super::{Case, Tolerance};
 use crate::error::Result;
 use crate::geometry::Shape;
 use crate::settings::Settings;
 use crate::tracers::TracerChoice;
 use glam::DVec3;
+use std::f64::consts::PI;
 
 const FURNACE: &str = "energy balance: E / (1 - reflectance) everywhere";
 
@@ -29,13 +30,25 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
     let slot = box_room([0.0; 3], [0.01, 1.0, 10.0]);
     cases.push(furnace(&settings, "slot 0.01 x 1 x 10 m, reflectance 0.95".into(), &slot, 0.02, 0.95)?);
     cases.push(furnace(&settings, "tetrahedron, reflectance 0.95".into(), &tetrahedron(), 5e-3, 0.95)?);
+    for elements in [16.0, 256.0, 4096.0] {
+        let name = format!("unit sphere, reflectance 0.95, {elements} elements");
+        cases.push(furnace(
+            &settings,
+            name,
+            &[sphere([0.0; 3], 1.0, true)],
+            1.01 * 4.0 * PI / elements,
+            0.95,
+        )?);
+    }
     // Where something hides something, visibility from centre to centre sets the limit.
-    let mut boxed = room;
+    let (mut boxed, mut around_ball) = (room.clone(), room);
+    around_ball.push(sphere([1.7, 1.9, 1.3], 0.7, false));
     let outside = walls([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]).map(|[a, b, c, d]| [d, c, b, a]);
     boxed.extend(outside.map(|corners| Shape::Quad(corners.map(DVec3::from_array))));
     for (name, shapes, max_area) in [
         ("L-shaped room 2 x 2 x 1 m, reflectance 0.8", l_room(), 0.01),
         ("room 4 x 4 x 3 m around a box, reflectance 0.8", boxed, 0.04),
+        ("room 4 x 4 x 3 m around a ball, reflectance 0.8", around_ball, 0.04),
     ] {
         let lit = light(&settings, &shapes, max_area, 0.8)?;
         let points = || 0..lit.prepared.points.len();

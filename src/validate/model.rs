@@ -173,6 +173,17 @@ impl Lit<'_> {
         growth
     }
 
+    /// (j, F_ij) of all pairs of points i and j, 0 for those that do not see each other.
+    pub fn factors(&self) -> Vec<(usize, f64)> {
+        let (points, graph) = (&self.prepared.points, &self.prepared.graph);
+        let operator = DiffuseOperator::new(&self.geometry, points, graph, Kernel::Analytic, &Silent);
+        let factor = &|i: usize, j: usize| {
+            if graph.unblocked(i, j) { f64::from(operator.factor(i, j)) / PI } else { 0.0 }
+        };
+        let others = |i: usize| (0..points.len()).filter(move |&j| j != i);
+        (0..points.len()).flat_map(|i| others(i).map(move |j| (j, factor(i, j)))).collect()
+    }
+
     /// What sensors at these places with these normals read.
     pub fn read(&self, sensors: impl IntoIterator<Item = ([f64; 3], [f64; 3])>) -> Result<Vec<Reading>> {
         let sensor = |(position, normal)| Sensor {
