@@ -4,10 +4,11 @@ use glam::DVec3;
 use luxgraph::first_pass::DiffuseSolution;
 use luxgraph::geometry::{Disc, Round, Shape, Side, Sphere, SurfaceId};
 use luxgraph::observer::Silent;
+use luxgraph::pipeline;
 use luxgraph::points::facing::face_each_other;
 use luxgraph::points::{Cell, Element, SamplePoints, Sampling, divide_by_area};
 use luxgraph::scene::{Geometry, ObjectId};
-use luxgraph::second_pass::{DiffuseField, Interpolator};
+use luxgraph::second_pass::{DiffuseField, Interpolator, SecondPassSettings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Verdict, judge};
@@ -87,7 +88,7 @@ fn the_hash_tells_round_surfaces_apart() {
 fn the_graph_says_what_rays_say() {
     let geometry = crowd();
     let voxels = Voxels::build(&geometry, &VoxelSettings { max_objects: 2, max_level: 5 });
-    let elements = divide_by_area(&geometry, &Sampling::by_area(0.03));
+    let elements = divide_by_area(&geometry, &Sampling::by_area(0.12));
     let points = SamplePoints::new(&geometry, &elements, voxels.len(), |p| voxels.locate(p));
     let (brute, voxel) = (BruteForce::new(&geometry), VoxelTracer::new(&geometry));
     let embree = choose(TracerChoice::Auto, &geometry).unwrap();
@@ -120,7 +121,9 @@ fn the_graph_says_what_rays_say() {
             }
         }
     }
-    assert!(open > 100_000 && hidden > 100_000 && grazing < 200, "{open} {hidden} {grazing}");
+    // Of the answers of all four graphs.
+    let answers = 4 * (open + hidden);
+    assert!(open > 100_000 && hidden > 50_000 && 50_000 * grazing < answers, "{open} {hidden} {grazing}");
     let stats = |k: usize| &graphs[k].stats;
     for k in 0..4 {
         let s = stats(k);
@@ -177,7 +180,7 @@ fn radiance_is_smooth_over_seams_and_poles() {
     {
         let geometry = geometry([(shape, false)]);
         let surface = &geometry.surfaces[0];
-        for (elements, error, slope) in [(even(&geometry), 0.08, 8.0), (uneven(), 0.08, 12.0)] {
+        for (elements, error, slope) in [(even(&geometry), 0.065, 4.5), (uneven(), 0.065, 4.5)] {
             let points = SamplePoints::new(&geometry, &elements, 1, |_| 0);
             let interpolator = Interpolator::new(&geometry, &points, &BruteForce::new(&geometry));
             let centre_of = |i: usize| {
@@ -222,4 +225,73 @@ fn radiance_is_smooth_over_seams_and_poles() {
             assert!(worst < error && steepest < slope, "{shape:?}: error {worst}, steepest {steepest}");
         }
     }
+}
+
+/// A ball in a sphere, all of one reflectance and emission: both show the same radiance everywhere, seams, poles
+/// and rims of either included.
+#[test]
+fn a_furnace_of_spheres_is_one_even_picture() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let path = folder.path().join("furnace.toml");
+    let scene = r#"format = 1
+[sampling]
+max_area = 0.08
+[materials.wall]
+reflectance = 0.7
+emission = { spectrum = 1.0, radiance = 3.0 }
+[[objects]]
+name = "wall"
+material = "wall"
+spheres = [{ centre = [0, 0, 0], radius = 2, inward = true }]
+[[objects]]
+name = "ball"
+material = "wall"
+max_area = 0.01
+spheres = [{ centre = [0.3, 0.4, 0.1], radius = 0.5 }]
+[[objects]]
+name = "coin"
+material = "wall"
+max_area = 0.01
+discs = [{ centre = [-0.6, 0.8, 0.2], normal = [0.3, -1, 0.1], radius = 0.3 }]
+[[objects]]
+name = "back of the coin"
+material = "wall"
+max_area = 0.01
+discs = [{ centre = [-0.6, 0.8001, 0.2], normal = [-0.3, 1, -0.1], radius = 0.3 }]
+[[cameras]]
+name = "main"
+position = [0.1, -1.6, 0.2]
+target = [0, 0.4, 0.1]
+fov_deg = 100
+resolution = [96, 96]
+"#;
+    std::fs::write(&path, scene).expect("written");
+    let scene = luxgraph::scene::load(&path).expect("loads");
+    let settings = luxgraph::settings::Settings::default();
+    let voxel = choose(TracerChoice::Voxel, &scene.geometry).unwrap();
+    let other = choose(TracerChoice::Auto, &scene.geometry).unwrap();
+    for tracer in [voxel, other] {
+        let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
+        let prepared =
+            pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).unwrap();
+        let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).unwrap();
+        let passes = SecondPassSettings { samples: 4, ..Default::default() };
+        let (image, _) =
+            pipeline::view(geometry, &prepared, &lit, &scene.cameras[0], tracer, &passes, &Silent).unwrap();
+        let w = image.wavelengths.len();
+        let pixel = |x: usize, y: usize| f64::from(image.radiance[(y * 96 + x) * w]);
+        let worst = (0..96 * 96).map(|k| (pixel(k % 96, k / 96) / 10.0 - 1.0).abs()).fold(0.0, f64::max);
+        println!("{}: worst {worst}", tracer.name());
+        assert!(worst < 0.005, "{}: {worst}", tracer.name());
+    }
+}
+
+#[test]
+fn the_scene_that_ships_has_both() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/sphere_and_disc.toml");
+    let scene = luxgraph::scene::load(&path).expect("a scene that ships");
+    let count = |kind: fn(&Shape) -> bool| scene.geometry.surfaces.iter().filter(|s| kind(&s.shape)).count();
+    assert_eq!(count(|s| matches!(s, Shape::Disc(_))), 2);
+    assert_eq!(count(|s| matches!(s, Shape::Sphere(_))), 2);
+    assert_eq!(scene.notes, Vec::<String>::new());
 }

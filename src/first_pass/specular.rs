@@ -7,10 +7,10 @@ use super::lobe_table::{BAND, LobeTable};
 use super::member::{Frame, members, outside};
 use super::normalise::{Face, normalise_reflection, normalise_solid};
 use super::settings::Kernel;
-use crate::geometry::Side;
+use crate::geometry::{Round, Side};
 use crate::material::{AlbedoTable, Transmission};
 use crate::observer::Observer;
-use crate::points::{NO_POINT, SamplePoints};
+use crate::points::{NO_POINT, Piece, SamplePoints};
 use crate::scene::SampledAppearance;
 use crate::visibility::VisibilityGraph;
 use rayon::prelude::*;
@@ -155,6 +155,20 @@ impl SpecularMaterial {
     }
 }
 
+/// m² of the lobe that the normals of element `i` make by themselves: 0 where it is flat. Its neighbours on the sphere
+/// stand on all sides, their normals as far apart as it is wide: Gaussians of a variance of 3 / 4π of the square of
+/// that distance add up to an even light within 2 %, as for the blur of rough lobes.
+fn normal_spread(points: &SamplePoints, i: usize) -> f32 {
+    match points.round(i) {
+        Some(Piece { round: Round::Sphere(sphere), .. }) => {
+            let variance =
+                3.0 / (4.0 * std::f32::consts::PI) * points.area[i] / (sphere.radius * sphere.radius) as f32;
+            2.0 * variance
+        }
+        _ => 0.0,
+    }
+}
+
 impl SpecularSet {
     /// Finds the specular points, what they see, and the scale factors of their lobes. Points of the set of an
     /// `earlier` appearance, by the same kernel and tolerance, are used again where nothing they depend on has
@@ -186,7 +200,8 @@ impl SpecularSet {
             let (members, linked) = members(points, graph, kernel, tolerance, i, linked);
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
             let (m2, n2) = materials[material].as_ref().map_or((0.0, 1.0), |m| (m.m2, m.n2));
-            let mirror = Origin { m2, side: Frame::new(points, i).side, straight: true };
+            let turning = if glass { 0.0 } else { normal_spread(points, i) };
+            let mirror = Origin { m2: m2 + turning, side: Frame::new(points, i).side, straight: true };
             let attenuates =
                 inside(i) || members.iter().any(|m| m.point != NO_POINT && inside(m.point as usize));
             SpecularPoint {
@@ -346,7 +361,7 @@ impl SpecularSet {
             .par_iter_mut()
             .filter(|p| !p.scaled)
             .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
-            .filter(|(_, m)| m.m2 > 0.0)
+            .filter(|(p, _)| p.reflection.origin.m2 > 0.0)
             .for_each(|(p, m)| {
                 p.errors.push(normalise_reflection(&mut p.reflection, &m.albedo));
                 observer.advance(1);
