@@ -267,7 +267,7 @@ impl Query {
     fn new(ray: &Ray, radius: f64, scale: f32) -> Self {
         let scale = f64::from(scale);
         let length = ray.direction.length();
-        let unit = ray.direction * (1.0 / length);
+        let unit = ray.direction / length;
         let (start, end) = (ray.t_min * length, ray.t_max * length);
         // No surface lies before the tangent plane of the sphere around the scene.
         let entry = -ray.origin.dot(unit) - 1.01 * radius;
