@@ -1,5 +1,6 @@
 //! Stages beside their ceilings, and how they grow with the number of sample points.
 
+pub mod graph;
 pub mod hall;
 pub mod scale;
 
