@@ -33,6 +33,22 @@ typedef struct lux_round {
     uint32_t surface;
 } lux_round;
 
+/* Rays in a packet. */
+#define LUX_PACKET 16
+
+/* LUX_PACKET rays as above, a column for each of their floats: Embree's own layout, so that nothing is copied. Lies at a
+ * multiple of 64 bytes. time and flags are 0, all bits of mask set, and limit repeats t_max. */
+typedef struct lux_packet {
+    float origin[3][LUX_PACKET];
+    float t_min[LUX_PACKET];
+    float direction[3][LUX_PACKET];
+    float time[LUX_PACKET];
+    float t_max[LUX_PACKET];
+    uint32_t mask[LUX_PACKET];
+    float limit[LUX_PACKET];
+    uint32_t flags[LUX_PACKET];
+} lux_packet;
+
 /* Where a ray meets a surface first. */
 typedef struct lux_hit {
     /* Ray parameter. */
@@ -58,11 +74,12 @@ typedef struct lux_hit {
 uint32_t lux_version(void);
 
 /* A scene of quad_count convex quads, quads[4 i ... 4 i + 3] indexing vertices of three floats each (a triangle
- * repeats its last index), the surface of quad i numbered quad_surface[i]; and of round_count discs and spheres. Copies everything. On failure returns NULL and writes Embree's reason to
- * message (at least LUX_MESSAGE_BYTES, always terminated). */
+ * repeats its last index), the surface of quad i numbered quad_surface[i]; and of round_count discs and spheres.
+ * Where confirm is not 0, that a quad blocks a ray is confirmed in double precision. Copies everything. On failure
+ * returns NULL and writes Embree's reason to message (at least LUX_MESSAGE_BYTES, always terminated). */
 lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uint32_t *quads,
                          const uint32_t *quad_surface, uint64_t quad_count, const lux_round *rounds,
-                         uint64_t round_count, char *message);
+                         uint64_t round_count, int confirm, char *message);
 
 /* Frees a scene; NULL is allowed. */
 void lux_scene_free(lux_scene *scene);
@@ -72,5 +89,8 @@ void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lu
 
 /* Whether anything blocks each of count rays: 1 or 0. */
 void lux_occluded(const lux_scene *scene, const lux_ray *rays, uint64_t count, uint8_t *blocked);
+
+/* Whether anything blocks each ray of count packets, one bit each. Changes t_max. */
+void lux_occluded_packets(const lux_scene *scene, lux_packet *packets, uint64_t count, uint16_t *blocked);
 
 #endif

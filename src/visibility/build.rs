@@ -1,5 +1,6 @@
 //! Building the graph: all pairs of voxels, in parallel.
 
+use super::block::Block;
 use super::blocker::{Bands, Blocker};
 use super::cull::BlockerTree;
 use super::flat::lies_under;
@@ -49,15 +50,8 @@ pub(super) struct Build<'a> {
     pub boxes: Vec<Aabb>,
     /// By point: whether a surface lies flat upon it, so that it sees nothing.
     pub under: Vec<bool>,
-    patches: Vec<Patch>,
-    patch_starts: Vec<usize>,
-}
-
-impl Build<'_> {
-    /// The patches of voxel `v`.
-    pub fn patches_of(&self, v: usize) -> &[Patch] {
-        &self.patches[self.patch_starts[v]..self.patch_starts[v + 1]]
-    }
+    /// In the order of their points.
+    pub patches: Vec<Patch>,
 }
 
 impl VisibilityGraph {
@@ -92,7 +86,7 @@ impl VisibilityGraph {
         check(geometry, points)?;
         let bands = Bands::new(geometry);
         let blockers: Vec<Blocker> = geometry.surfaces.iter().map(|s| Blocker::new(s, &bands)).collect();
-        let (patches, patch_starts) = Patch::all(geometry, points);
+        let patches = Patch::all(geometry, points);
         let around = |v| Aabb::around(points.voxel(v).map(|i| points.position[i].as_dvec3()));
         let mut build = Build {
             points,
@@ -104,7 +98,6 @@ impl VisibilityGraph {
             boxes: (0..points.voxels()).map(around).collect(),
             under: Vec::new(),
             patches,
-            patch_starts,
         };
 
         build.under = lies_under(&build, &geometry.surfaces, &geometry.two_sided, geometry.radius);
@@ -141,8 +134,8 @@ impl Build<'_> {
             }
             let decided: Vec<VoxelPair> = chunk
                 .par_iter()
-                .map(|&(a, b)| {
-                    let pair = PairWork::decide(self, a, b);
+                .map_init(Block::new, |block, &(a, b)| {
+                    let pair = PairWork::decide(self, block, a, b);
                     observer.advance(pair.stats.pairs);
                     pair
                 })
@@ -163,6 +156,7 @@ impl VisibilityGraph {
             return Err(());
         }
         self.stats.add_pairs(&pair.stats);
+        self.stats.seen += pair.seen;
         let edge = if pair.seen == 0 {
             self.stats.hidden_edges += 1;
             Edge::Hidden

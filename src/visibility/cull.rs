@@ -33,7 +33,7 @@ impl BlockerTree {
         let mut tree = BlockerTree {
             nodes: Vec::new(),
             order: (0..blockers.len() as u32).collect(),
-            slack: blockers.iter().map(Blocker::slack).fold(0.0, f64::max),
+            slack: blockers.iter().map(|b| b.bands().slack).fold(0.0, f64::max),
         };
         if !blockers.is_empty() {
             tree.split(blockers, 0, blockers.len());
@@ -74,7 +74,7 @@ impl BlockerTree {
                 let leaf = &self.order[node.first as usize..(node.first + node.count) as usize];
                 found.extend(leaf.iter().filter(|&&i| {
                     let blocker = &blockers[i as usize];
-                    shaft.meets(blocker.bounds(), blocker.slack()) && blocker.may_separate(a, b)
+                    shaft.meets(blocker.bounds(), blocker.bands().slack) && blocker.may_separate(a, b)
                 }));
             }
             at += 1;
@@ -110,9 +110,12 @@ pub(super) fn meets_shaft(of: &Aabb, a: &Aabb, b: &Aabb, slack: f64) -> bool {
 
 /// The hull of two boxes, as far as boxes and three separating axes see it: the axes at right
 /// angles to the line of centres and to a coordinate axis.
-struct BoxShaft {
+pub(super) struct BoxShaft {
     hull: Aabb,
     axes: [Axis; 3],
+    ends: [Aabb; 2],
+    /// From the one's centre to the other's, m.
+    along: DVec3,
 }
 
 /// A direction and what the shaft spans along it.
@@ -123,21 +126,44 @@ struct Axis {
     hi: f64,
 }
 
+impl Axis {
+    /// The axis at right angles to `along`, the line of centres of a shaft's `ends`, and to `edge`.
+    fn between([a, b]: &[Aabb; 2], along: DVec3, edge: DVec3) -> Axis {
+        // A zero axis spans nothing and separates nothing.
+        let direction = along.cross(edge).normalize_or_zero();
+        let ((a, ha), (b, hb)) = (extent(a, direction), extent(b, direction));
+        Axis { direction, lo: (a - ha).min(b - hb), hi: (a + ha).max(b + hb) }
+    }
+}
+
 /// Middle and half length of a box along `direction`.
 fn extent(of: &Aabb, direction: DVec3) -> (f64, f64) {
     (direction.dot(of.centre()), 0.5 * direction.abs().dot(of.size()))
 }
 
 impl BoxShaft {
-    fn new(a: &Aabb, b: &Aabb) -> Self {
+    /// The shaft between boxes `a` and `b`.
+    pub fn new(a: &Aabb, b: &Aabb) -> Self {
         let along = b.centre() - a.centre();
-        let axes = DVec3::AXES.map(|axis| {
-            // A zero axis spans nothing and separates nothing.
-            let direction = along.cross(axis).normalize_or_zero();
-            let ((a, ha), (b, hb)) = (extent(a, direction), extent(b, direction));
-            Axis { direction, lo: (a - ha).min(b - hb), hi: (a + ha).max(b + hb) }
-        });
-        BoxShaft { hull: a.union(*b), axes }
+        let ends = [*a, *b];
+        let axes = DVec3::AXES.map(|axis| Axis::between(&ends, along, axis));
+        BoxShaft { hull: a.union(*b), axes, ends, along }
+    }
+
+    /// Whether an axis at right angles to the line of centres and to an edge of the blocker keeps the two apart, or one
+    /// of the axes that every shaft has.
+    pub fn misses(&self, blocker: &Blocker) -> bool {
+        let slack = blocker.bands().slack;
+        if !self.meets(blocker.bounds(), slack) {
+            return true;
+        }
+        let v = blocker.vertices();
+        (0..4).any(|k| {
+            let axis = Axis::between(&self.ends, self.along, v[(k + 1) % 4] - v[k]);
+            let at = v.map(|p| axis.direction.dot(p));
+            let (lo, hi) = (at[0].min(at[1]).min(at[2].min(at[3])), at[0].max(at[1]).max(at[2].max(at[3])));
+            hi < axis.lo - slack || lo > axis.hi + slack
+        })
     }
 
     fn meets(&self, of: &Aabb, slack: f64) -> bool {
@@ -154,7 +180,7 @@ impl BoxShaft {
 /// Whether an axis at right angles to the shaft between two patches and to an edge of the
 /// blocker, or a side of the box around the shaft, keeps the two apart.
 pub(super) fn misses_shaft(blocker: &Blocker, a: &[DVec3; 4], b: &[DVec3; 4], hull: &Aabb) -> bool {
-    let slack = blocker.slack();
+    let slack = blocker.bands().slack;
     let (bounds, slack3) = (blocker.bounds(), DVec3::splat(slack));
     if bounds.min.cmpgt(hull.max + slack3).any() || bounds.max.cmplt(hull.min - slack3).any() {
         return true;
@@ -205,7 +231,7 @@ mod tests {
                 .iter()
                 .map(|(o, u, v)| Surface::new(Shape::Triangle([*o, *o + 0.5 * u, *o + 0.5 * v])))
                 .collect();
-            let bands = Bands { apart: 1e-6, slack: 4e-6, near: 8e-6 };
+            let bands = Bands { apart: 1e-6, slack: 4e-6, near: 8e-6, rounding: 2e-6 };
             let blockers: Vec<Blocker> = surfaces.iter().map(|s| Blocker::new(s, &bands)).collect();
             let tree = BlockerTree::new(&blockers);
             let around = |p: &[DVec3]| Aabb::around(p.iter().copied());
@@ -220,6 +246,7 @@ mod tests {
                     for (k, surface) in surfaces.iter().enumerate() {
                         if intersect_surface(&ray, surface).is_some() {
                             prop_assert!(found.contains(&(k as u32)));
+                            prop_assert!(!BoxShaft::new(&around(&a), &around(&b)).misses(&blockers[k]));
                             prop_assert!(!misses_shaft(&blockers[k], &corners(&a), &corners(&b), &hull));
                         }
                     }

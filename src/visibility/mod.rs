@@ -5,6 +5,7 @@
 //! by proofs, then the last blocker (the paper's buf-int) and the few surfaces that can block,
 //! and only what is left by the ray tracer. [`mod@file`] keeps a graph for other runs.
 
+mod block;
 mod blocker;
 mod build;
 mod cull;

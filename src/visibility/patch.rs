@@ -27,11 +27,9 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// The patches of all voxels in the order of the points, and the first patch of each voxel
-    /// (and at the end their number).
-    pub fn all(geometry: &Geometry, points: &SamplePoints) -> (Vec<Patch>, Vec<usize>) {
+    /// The patches of all voxels in the order of the points.
+    pub fn all(geometry: &Geometry, points: &SamplePoints) -> Vec<Patch> {
         let mut patches = Vec::new();
-        let mut starts = vec![0];
         for v in 0..points.voxels() {
             let voxel = points.voxel(v);
             let mut first = voxel.start;
@@ -45,9 +43,8 @@ impl Patch {
                     first = next;
                 }
             }
-            starts.push(patches.len());
         }
-        (patches, starts)
+        patches
     }
 
     fn new(geometry: &Geometry, points: &SamplePoints, run: Range<usize>) -> Patch {
@@ -65,6 +62,12 @@ impl Patch {
         let frame = [normal * offset, u, normal.cross(u)];
         let plane = SidePlane::new(geometry, id, side).unwrap_or(SidePlane { normal, offset });
         Patch { points: run, surface: id, plane, curved: false, frame }
+    }
+
+    /// The part of the patch in `range`.
+    pub fn within(&self, range: &Range<usize>) -> Patch {
+        let points = self.points.start.max(range.start)..self.points.end.min(range.end);
+        Patch { points, ..self.clone() }
     }
 
     /// The corners of the smallest rectangle along the first edge that holds `positions`, which

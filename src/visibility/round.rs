@@ -32,7 +32,7 @@ impl PairWork<'_> {
                 }
                 _ => [a, b].iter().any(|of| of.surface.0 == c),
             };
-            !harmless && meets_shaft(blocker.bounds(), &boxes[0], &boxes[1], blocker.slack())
+            !harmless && meets_shaft(blocker.bounds(), &boxes[0], &boxes[1], blocker.bands().slack)
         };
         let clear = build.settings.proofs && !self.open.iter().any(may_block);
         let plane = |of: &Patch, i: usize| {
@@ -54,7 +54,7 @@ impl PairWork<'_> {
                     self.result.stats.proved += 1;
                     self.see_points(i, j);
                 } else {
-                    self.push_points(i, j);
+                    self.push(i, j);
                 }
             }
         }

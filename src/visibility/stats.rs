@@ -31,6 +31,8 @@ pub struct GraphStats {
     pub direct: u64,
     /// Facing pairs for which a ray was cast.
     pub rays_cast: u64,
+    /// Facing pairs that see each other.
+    pub seen: u64,
     /// Wall time of the build, s.
     pub build_s: f64,
 }
@@ -41,7 +43,7 @@ impl GraphStats {
         self.rays_cast as f64 / self.pairs.max(1) as f64
     }
 
-    /// Adds the pairs of another part of the same build; edges and time are left alone.
+    /// Adds the pairs of another part of the same build; edges, sight and time are left alone.
     pub(super) fn add_pairs(&mut self, other: &GraphStats) {
         self.pairs += other.pairs;
         self.same_surface += other.same_surface;

@@ -1,15 +1,19 @@
-//! Deciding the pairs of two voxels, tile by tile.
+//! Deciding the pairs of two voxels.
 //!
-//! A tile is the pairs of some points of one patch with some of another. It begins as the facing
+//! Where few surfaces can block, a block of up to 128 x 128 pairs of the voxels' points, whatever they lie on, is
+//! tested against them all at once. Where there are many, or rays are asked for, patch meets patch, tile by tile: a tile
+//! is the pairs of some points of one patch with some of another. It begins as the facing
 //! pairs of two whole patches and is cut in four, along the quadtrees of the surfaces, as long as
 //! proofs may still decide a part of it; what is left is decided pair by pair.
 
-use super::blocker::{Profile, Verdict};
+use super::block::{Bits, Block, SIDE, WORDS, count};
+use super::blocker::Verdict;
 use super::build::{Build, GraphSettings};
-use super::cull::misses_shaft;
+use super::cull::{BoxShaft, misses_shaft};
 use super::graph::stride_of;
 use super::patch::Patch;
 use super::stats::GraphStats;
+use super::transpose::transpose;
 use crate::geometry::Aabb;
 use crate::tracers::Segment;
 use glam::DVec3;
@@ -85,7 +89,8 @@ pub(super) struct PairWork<'a> {
     /// What all threads share.
     pub build: &'a Build<'a>,
     rows: Range<usize>,
-    columns: Range<usize>,
+    /// Points of the second voxel.
+    pub columns: Range<usize>,
     /// What is known so far.
     pub result: VoxelPair,
     /// A stack: surfaces that may block between the two voxels, of these the ones that may between
@@ -97,12 +102,10 @@ pub(super) struct PairWork<'a> {
     pub from: Flank,
     /// and of the second.
     pub to: Flank,
-    /// The tile that is decided pair by pair.
-    pub tile: Tile,
-    /// State of each of its pairs, row by row.
-    pub states: Vec<u64>,
-    /// Where its second points lie against a surface.
-    pub profile: Profile,
+    /// The pairs that are decided one by one, or many at once,
+    pub block: &'a mut Block,
+    /// and the points of its first row and column.
+    pub place: [usize; 2],
     /// Left to the tracer,
     pub segments: Vec<Segment>,
     /// with the points they join,
@@ -113,7 +116,7 @@ pub(super) struct PairWork<'a> {
 
 impl<'a> PairWork<'a> {
     /// Decides all pairs of the points of voxels `a <= b`.
-    pub fn decide(build: &'a Build<'a>, a: usize, b: usize) -> VoxelPair {
+    pub fn decide(build: &'a Build<'a>, block: &'a mut Block, a: usize, b: usize) -> VoxelPair {
         let (rows, columns) = (build.points.voxel(a), build.points.voxel(b));
         let result = VoxelPair::default();
         let mut work = PairWork {
@@ -125,9 +128,8 @@ impl<'a> PairWork<'a> {
             last_blocker: None,
             from: Flank::default(),
             to: Flank::default(),
-            tile: Tile::default(),
-            states: Vec::new(),
-            profile: Profile::default(),
+            block,
+            place: [0; 2],
             segments: Vec::new(),
             targets: Vec::new(),
             blocked: Vec::new(),
@@ -138,18 +140,64 @@ impl<'a> PairWork<'a> {
         if build.settings.proofs {
             build.tree.candidates(&build.blockers, &build.boxes[a], &build.boxes[b], &mut work.open);
         }
-        let (first, second) = (&build.patches_of(a), &build.patches_of(b));
-        for (k, from) in first.iter().enumerate() {
-            for to in &second[if a == b { k } else { 0 }..] {
-                work.patches(from, to);
+        let (rows, columns) = (work.rows.clone(), work.columns.clone());
+        if build.settings.proofs && build.settings.direct_candidates > 0 {
+            for first in blocks(&rows) {
+                for second in blocks(&columns).filter(|second| a != b || second.start >= first.start) {
+                    work.block(first.clone(), second);
+                }
             }
+        } else {
+            work.patch_by_patch(&rows, &columns, 0..work.open.len());
         }
         work.cast();
+        if a == b {
+            work.mirror();
+        }
         work.result
     }
 
+    /// Decides the pairs of some points of either voxel.
+    fn block(&mut self, rows: Range<usize>, columns: Range<usize>) {
+        let build = self.build;
+        let around =
+            |of: &Range<usize>| Aabb::around(build.points.position[of.clone()].iter().map(|p| p.as_dvec3()));
+        let (a, b) = (around(&rows), around(&columns));
+        let shaft = BoxShaft::new(&a, &b);
+        let all = self.open.len();
+        for k in 0..all {
+            let c = self.open[k];
+            let blocker = &build.blockers[c as usize];
+            if blocker.may_separate(&a, &b) && !shaft.misses(blocker) {
+                self.open.push(c);
+            }
+        }
+        let candidates = all..self.open.len();
+        let curved = |of: &Range<usize>| build.patches_between(of).iter().any(|patch| patch.curved);
+        let flat = !curved(&rows) && !curved(&columns);
+        if flat && candidates.len() <= build.settings.direct_candidates {
+            self.test_block(rows, columns, candidates, a.union(b).size().length());
+        } else {
+            self.patch_by_patch(&rows, &columns, candidates);
+        }
+        self.open.truncate(all);
+    }
+
+    /// Decides the pairs of some points of either voxel, patch by patch.
+    fn patch_by_patch(&mut self, rows: &Range<usize>, columns: &Range<usize>, candidates: Range<usize>) {
+        let build = self.build;
+        for from in build.patches_between(rows) {
+            for to in build.patches_between(columns) {
+                let (from, to) = (from.within(rows), to.within(columns));
+                if from.points.start <= to.points.start {
+                    self.patches(&from, &to, candidates.clone());
+                }
+            }
+        }
+    }
+
     /// Decides the pairs of two patches.
-    fn patches(&mut self, a: &Patch, b: &Patch) {
+    fn patches(&mut self, a: &Patch, b: &Patch, candidates: Range<usize>) {
         let all = if a.points == b.points {
             a.points.len() * (a.points.len() - 1) / 2
         } else {
@@ -174,18 +222,9 @@ impl<'a> PairWork<'a> {
             return;
         }
         let between = self.open.len();
-        let build = self.build;
-        // A surface cannot hide what is in front of it, nor block from behind what faces away.
-        let in_front = |c: u32, of: &Patch| {
-            let blocker = &build.blockers[c as usize];
-            let vertices = blocker.vertices();
-            c != of.surface.0
-                && (blocker.round().is_some()
-                    || vertices.iter().any(|v| of.plane.height(*v) > build.bands.apart))
-        };
-        for k in 0..between {
+        for k in candidates {
             let c = self.open[k];
-            if in_front(c, a) && in_front(c, b) {
+            if self.build.is_in_front(c, a) && self.build.is_in_front(c, b) {
                 self.open.push(c);
             }
         }
@@ -212,7 +251,7 @@ impl<'a> PairWork<'a> {
             if tile.pairs() > if few { SMALL_FOR_TESTS } else { SMALL_FOR_RAYS } {
                 tile.quarters().for_each(|quarter| self.decide_tile(a, b, quarter));
             } else if few {
-                self.test_candidates(tile);
+                self.test_tile(tile);
             } else {
                 self.trace(surfaces, tile);
             }
@@ -250,8 +289,20 @@ impl<'a> PairWork<'a> {
         visible
     }
 
-    /// Points `i` and `j` see each other.
+    /// Points `i < j` see each other.
     pub fn see_points(&mut self, i: usize, j: usize) {
+        let first = j - (j - self.columns.start) % 32;
+        let mut bits = [0; WORDS];
+        bits[0] = 1 << (j - first);
+        self.see_words(i, first, &bits);
+    }
+
+    /// Point `i` sees those of the second voxel, from `first` on, whose bits are set. `first` begins a word.
+    pub fn see_words(&mut self, i: usize, first: usize, bits: &Bits) {
+        let seen = count(bits);
+        if seen == 0 {
+            return;
+        }
         let stride = stride_of(self.columns.len());
         // Voxels that see nothing of each other need no bits, however many points they hold.
         if self.result.seen == 0 {
@@ -260,18 +311,23 @@ impl<'a> PairWork<'a> {
             self.result.out_of_memory = Vec::<u32>::new().try_reserve_exact(size).is_err();
             self.result.words = vec![0; if self.result.out_of_memory { 0 } else { size }];
         }
-        self.result.seen += 1;
+        self.result.seen += seen;
         if self.result.out_of_memory {
             return;
         }
-        let mut set = |i: usize, j: usize| {
-            let (r, c) = (i - self.rows.start, j - self.columns.start);
-            self.result.words[r * stride + c / 32] |= 1 << (c % 32);
-        };
-        set(i, j);
-        if self.rows == self.columns {
-            set(j, i);
+        let word = (first - self.columns.start) / 32;
+        let row = (i - self.rows.start) * stride;
+        for (to, bits) in self.result.words[row + word..row + stride].iter_mut().zip(bits) {
+            *to |= bits;
         }
+    }
+
+    /// Sight is mutual: what the rows of a voxel with itself say of their columns, the columns say of the rows.
+    fn mirror(&mut self) {
+        let mut turned = Vec::new();
+        let n = if self.result.words.is_empty() { 0 } else { self.rows.len() };
+        transpose(&self.result.words, n, n, &mut turned);
+        self.result.words.iter_mut().zip(turned).for_each(|(word, other)| *word |= other);
     }
 }
 
@@ -294,4 +350,26 @@ impl Build<'_> {
         }
         facing
     }
+
+    /// The patches with points in `range`, which lies in one voxel.
+    pub fn patches_between(&self, range: &Range<usize>) -> &[Patch] {
+        let first = self.patches.partition_point(|p| p.points.end <= range.start);
+        let end = self.patches.partition_point(|p| p.points.start < range.end);
+        &self.patches[first..end.max(first)]
+    }
+
+    /// Whether surface `c` has anything in front of patch `of`, so that it can hide something from it.
+    pub fn is_in_front(&self, c: u32, of: &Patch) -> bool {
+        let blocker = &self.blockers[c as usize];
+        let in_front = |v: &DVec3| of.plane.height(*v) > self.bands.apart;
+        c != of.surface.0 && (blocker.round().is_some() || blocker.vertices().iter().any(in_front))
+    }
+}
+
+/// A voxel's points cut into parts of the same number of words, none of more than [`SIDE`] points.
+fn blocks(points: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
+    let parts = points.len().div_ceil(SIDE).max(1);
+    let size = points.len().div_ceil(parts).next_multiple_of(32).max(32);
+    let end = points.end;
+    points.clone().step_by(size).map(move |first| first..(first + size).min(end))
 }

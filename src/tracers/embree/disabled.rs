@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Hit, Ray, SurfaceId};
 use crate::scene::Geometry;
 use crate::tracers::{RayTracer, Segment};
+use glam::Vec3;
 use std::convert::Infallible;
 use std::marker::PhantomData;
 
@@ -26,6 +27,19 @@ impl EmbreeTracer {
              libembree-dev libclang-dev) or choose the voxel tracer"
                 .into(),
         ))
+    }
+
+    /// Fails as [`EmbreeTracer::new`] does.
+    ///
+    /// # Errors
+    /// Always [`Error::Tracer`].
+    pub fn bare(geometry: &Geometry) -> Result<Self> {
+        Self::new(geometry)
+    }
+
+    /// Counts free segments: never called.
+    pub fn count_free<'p>(&self, _fans: impl IntoIterator<Item = (Vec3, &'p [Vec3])>) -> u64 {
+        match self.0 {}
     }
 
     /// Rays made ready for a bare loop: never, in this build.

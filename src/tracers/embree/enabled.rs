@@ -1,12 +1,13 @@
 //! The tracer over Embree: `f32` traversal, `f64` ray limits and hit distances.
 
-use super::raw::{self, EMPTY_RAY, LARGEST, NO_HIT, lux_hit, lux_ray, lux_round};
+use super::packet::Filling;
+use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, lux_hit, lux_ray, lux_round};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Hit, Ray, Round, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::tracers::brute_force::{self, BruteForce, side_met};
 use crate::tracers::{RayTracer, Segment};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Rays per call: what fits the first-level cache with its answers.
@@ -54,6 +55,19 @@ impl EmbreeTracer {
     /// [`Error::Tracer`] if a vertex is not finite or beyond 1.8e18 m, if there are too many
     /// surfaces for 32-bit indices, or with Embree's own message.
     pub fn new(geometry: &Geometry) -> Result<Self> {
+        Self::with(geometry, true)
+    }
+
+    /// Embree as it comes, without our check in `f64` of what blocks a ray: the ceiling that others are
+    /// measured against, and wrong for some rays that run in the plane of a surface.
+    ///
+    /// # Errors
+    /// As [`EmbreeTracer::new`].
+    pub fn bare(geometry: &Geometry) -> Result<Self> {
+        Self::with(geometry, false)
+    }
+
+    fn with(geometry: &Geometry, confirm: bool) -> Result<Self> {
         let too_many =
             || Error::Tracer(format!("{} surfaces are too many for Embree", geometry.surfaces.len()));
         let vertex_count = u32::try_from(4 * geometry.surfaces.len()).map_err(|_| too_many())?;
@@ -84,7 +98,7 @@ impl EmbreeTracer {
             quads.push([first, first + 1, first + 2, last]);
             ids.push(i as u32);
         }
-        let scene = raw::Scene::new(&vertices, &quads, &ids, &rounds).map_err(Error::Tracer)?;
+        let scene = raw::Scene::new(&vertices, &quads, &ids, &rounds, confirm).map_err(Error::Tracer)?;
         let version = available().unwrap_or_default();
         Ok(EmbreeTracer {
             scene,
@@ -163,9 +177,36 @@ impl EmbreeTracer {
         Aabb { min: face.bounds.min - slack, max: face.bounds.max + slack }.contains(ray.at(t))
     }
 
-    fn occluded_chunk(&self, segments: &[Segment], blocked: &mut [bool]) {
-        let mut rays = [EMPTY_RAY; BATCH];
-        let mut answers = [0u8; BATCH];
+    /// How many of the segments from `from` to each of `to`, for all `(from, to)` in turn, nothing blocks. Packets
+    /// are filled across the borders of the fans.
+    pub fn count_free<'p>(&self, fans: impl IntoIterator<Item = (Vec3, &'p [Vec3])>) -> u64 {
+        let mut filling = Filling::new();
+        let mut free = 0;
+        for (from, to) in fans {
+            for &to in to {
+                if filling.push(from, to) {
+                    free += LANES as u64 - u64::from(self.occluded_packet(&mut filling).count_ones());
+                }
+            }
+        }
+        let rest = filling.count() as u64;
+        if rest > 0 {
+            free += rest - u64::from(self.occluded_packet(&mut filling).count_ones());
+        }
+        free
+    }
+
+    /// Which of the segments in `filling` are blocked; empties it.
+    #[inline]
+    fn occluded_packet(&self, filling: &mut Filling) -> u16 {
+        let mut blocked = [0];
+        self.scene.occluded_packets(filling.rays(self.scale), &mut blocked);
+        blocked[0]
+    }
+
+    fn occluded_few(&self, segments: &[Segment], blocked: &mut [bool]) {
+        let mut rays = [EMPTY_RAY; LANES];
+        let mut answers = [0u8; LANES];
         for (ray, segment) in rays.iter_mut().zip(segments) {
             *ray = segment_ray(segment, self.scale);
         }
@@ -211,8 +252,19 @@ impl RayTracer for EmbreeTracer {
     }
 
     fn occluded_batch(&self, segments: &[Segment], blocked: &mut [bool]) {
-        for (segments, blocked) in segments.chunks(BATCH).zip(blocked.chunks_mut(BATCH)) {
-            self.occluded_chunk(segments, blocked);
+        let mut filling = Filling::new();
+        for (segments, blocked) in segments.chunks(LANES).zip(blocked.chunks_mut(LANES)) {
+            if segments.len() < LANES {
+                self.occluded_few(segments, blocked);
+                continue;
+            }
+            for segment in segments {
+                filling.push(segment.from, segment.to);
+            }
+            let bits = self.occluded_packet(&mut filling);
+            for (lane, blocked) in blocked.iter_mut().enumerate() {
+                *blocked = bits >> lane & 1 == 1;
+            }
         }
     }
 

@@ -6,6 +6,8 @@
 #[cfg(feature = "embree")]
 mod enabled;
 #[cfg(feature = "embree")]
+mod packet;
+#[cfg(feature = "embree")]
 #[allow(unsafe_code)]
 mod raw;
 #[cfg(feature = "embree")]

@@ -8,7 +8,15 @@ mod ffi {
     include!(concat!(env!("OUT_DIR"), "/embree.rs"));
 }
 
-pub use ffi::{LUX_MISS, lux_hit, lux_ray, lux_round};
+pub use ffi::{LUX_MISS, lux_hit, lux_packet, lux_ray, lux_round};
+
+/// Rays in a packet.
+pub const LANES: usize = ffi::LUX_PACKET as usize;
+
+/// Rays in Embree's own layout, where Embree wants them.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Packet(pub lux_packet);
 
 /// The header's limit on coordinates, m: Embree refuses what is larger.
 pub const LARGEST: f32 = 1.8e18;
@@ -39,13 +47,14 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Scene {
-    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`. The error is
-    /// Embree's message.
+    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`; with `confirm` one
+    /// that confirms in `f64` that a quad blocks a ray. The error is Embree's message.
     pub fn new(
         vertices: &[[f32; 3]],
         quads: &[[u32; 4]],
         ids: &[u32],
         rounds: &[lux_round],
+        confirm: bool,
     ) -> Result<Self, String> {
         assert_eq!(quads.len(), ids.len());
         debug_assert!(quads.iter().flatten().all(|&i| (i as usize) < vertices.len()));
@@ -61,6 +70,7 @@ impl Scene {
                 quads.len() as u64,
                 rounds.as_ptr(),
                 rounds.len() as u64,
+                confirm.into(),
                 message.as_mut_ptr(),
             )
         };
@@ -90,6 +100,21 @@ impl Scene {
             ffi::lux_occluded(self.handle.as_ptr(), rays.as_ptr(), count as u64, blocked.as_mut_ptr());
         }
     }
+
+    /// Whether something blocks each ray of a packet, a bit each. Rays that Embree must not see become empty.
+    pub fn occluded_packets(&self, packets: &mut [Packet], blocked: &mut [u16]) {
+        let count = packets.len().min(blocked.len());
+        packets.iter_mut().for_each(empty_unsafe_lanes);
+        // SAFETY: as in `closest`; a `Packet` has the layout and the alignment that the header asks for.
+        unsafe {
+            ffi::lux_occluded_packets(
+                self.handle.as_ptr(),
+                packets.as_mut_ptr().cast(),
+                count as u64,
+                blocked.as_mut_ptr(),
+            );
+        }
+    }
 }
 
 impl Drop for Scene {
@@ -107,5 +132,23 @@ fn empty_unsafe(rays: &mut [lux_ray]) {
         if !sound {
             *ray = EMPTY_RAY;
         }
+    }
+}
+
+/// [`empty_unsafe`] for the rays of a packet.
+#[inline]
+fn empty_unsafe_lanes(Packet(rays): &mut Packet) {
+    for i in 0..LANES {
+        let small = |column: &[f32; LANES]| column[i].abs() <= LARGEST;
+        let [x, y, z] = &rays.origin;
+        let [u, v, w] = &rays.direction;
+        let sound = small(x) & small(y) & small(z) & small(u) & small(v) & small(w);
+        let sound = sound & (rays.t_min[i] >= 0.0) & (rays.t_min[i] <= rays.t_max[i]);
+        // Lanes that do not take part are not traversed, but Embree looks at their floats all the same.
+        let keep = |column: &mut [f32; LANES], or: f32| column[i] = if sound { column[i] } else { or };
+        rays.origin.iter_mut().for_each(|column| keep(column, 0.0));
+        rays.direction.iter_mut().for_each(|column| keep(column, 1.0));
+        keep(&mut rays.t_min, 0.0);
+        keep(&mut rays.t_max, -1.0);
     }
 }

@@ -1,0 +1,480 @@
+//! Deciding many pairs of points at once: a block is up to 128 x 128 pairs and a bit for each.
+//!
+//! With d and e_k as in [`super::blocker`] and r_k(p) = e_k(p) / |d(p)|, a segment a-b whose ends the plane separates
+//! crosses the inside of edge k exactly where r_k(a) + r_k(b) > 0: a sum decides. All of r_k comes from `f64`, once a
+//! point; the sums are `f32`, 8 or 16 pairs an instruction, and [`Bands::rounding`](super::blocker::Bands) is what that
+//! may cost. The least and the greatest r_k of 32 points say the same of all their pairs at once.
+
+use super::blocker::Blocker;
+use crate::simd::{HotLoop, wide};
+use glam::DVec3;
+
+/// Words of a row.
+pub(super) const WORDS: usize = 4;
+
+/// No side of a block has more points.
+pub(super) const SIDE: usize = 32 * WORDS;
+
+/// A bit for each point of a side.
+pub(super) type Bits = [u32; WORDS];
+
+/// Bits of the lanes of a word.
+const LANES: [u32; 32] = {
+    let mut bits = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        bits[i] = 1 << i;
+        i += 1;
+    }
+    bits
+};
+
+/// The places of one side's points, structure of arrays, m.
+#[derive(Debug)]
+pub(super) struct Places {
+    x: [f64; SIDE],
+    y: [f64; SIDE],
+    z: [f64; SIDE],
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Places {
+    const NONE: Places = Places { x: [0.0; SIDE], y: [0.0; SIDE], z: [0.0; SIDE], count: 0 };
+
+    /// Takes the first [`SIDE`] of `places`.
+    pub fn set(&mut self, places: impl Iterator<Item = DVec3>) {
+        self.count = 0;
+        for (i, p) in places.take(SIDE).enumerate() {
+            (self.x[i], self.y[i], self.z[i]) = (p.x, p.y, p.z);
+            self.count = i + 1;
+        }
+        // What is left over of another block would be computed with, for nothing.
+        for i in self.count..self.count.next_multiple_of(32) {
+            (self.x[i], self.y[i], self.z[i]) = (0.0, 0.0, 0.0);
+        }
+    }
+
+    /// Words with a point in them.
+    pub fn words(&self) -> usize {
+        self.count.div_ceil(32)
+    }
+
+    /// The points whose distance above the plane `normal · x = offset` is more than `least`.
+    pub fn above(&self, normal: DVec3, offset: f64, least: f64) -> Bits {
+        wide(Above { places: self, normal, offset, least })
+    }
+}
+
+/// See [`Places::above`].
+struct Above<'a> {
+    places: &'a Places,
+    normal: DVec3,
+    offset: f64,
+    least: f64,
+}
+
+impl HotLoop for Above<'_> {
+    type Output = Bits;
+
+    #[inline(always)]
+    fn run(self) -> Bits {
+        let Above { places: Places { x, y, z, count }, normal, offset, least } = self;
+        let mut bits = [0; WORDS];
+        for (w, word) in bits.iter_mut().enumerate().take(count.div_ceil(32)) {
+            for (lane, bit) in LANES.iter().enumerate() {
+                let i = 32 * w + lane;
+                let height = normal.x * x[i] + normal.y * y[i] + normal.z * z[i] - offset;
+                *word |= if height > least { *bit } else { 0 };
+            }
+        }
+        only_first(bits, *count)
+    }
+}
+
+/// `bits` without those from the `count`th on.
+fn only_first(mut bits: Bits, count: usize) -> Bits {
+    for (w, word) in bits.iter_mut().enumerate() {
+        let used = count.saturating_sub(32 * w).min(32);
+        *word &= (u64::MAX >> (64 - used.max(1))) as u32 & if used == 0 { 0 } else { u32::MAX };
+    }
+    bits
+}
+
+/// The bits `first..end`.
+pub(super) fn span(first: usize, end: usize) -> Bits {
+    let (upto_end, upto_first) = (only_first([u32::MAX; WORDS], end), only_first([u32::MAX; WORDS], first));
+    std::array::from_fn(|w| upto_end[w] & !upto_first[w])
+}
+
+/// Where the points of one side lie against a blocker.
+#[derive(Debug)]
+struct Against {
+    /// r_k, 32 points a word.
+    ratio: [[[f32; 32]; WORDS]; 4],
+    /// |d|, m.
+    distance: [[f32; 32]; WORDS],
+    /// The points in front of its plane, and behind it.
+    sides: [Bits; 2],
+    /// Those that are not so near the plane that a ray tracer may lose the blocker in a segment's margin.
+    far: Bits,
+    /// Of the points of each word on either side.
+    bounds: [[Bounds; WORDS]; 2],
+}
+
+/// The least and greatest r_k of some points, and the largest 1 / |d|.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    lo: [f32; 4],
+    hi: [f32; 4],
+    nearness: f32,
+}
+
+impl Against {
+    const NONE: Against = Against {
+        ratio: [[[0.0; 32]; WORDS]; 4],
+        distance: [[0.0; 32]; WORDS],
+        sides: [[0; WORDS]; 2],
+        far: [0; WORDS],
+        bounds: [[Bounds { lo: [0.0; 4], hi: [0.0; 4], nearness: 0.0 }; WORDS]; 2],
+    };
+
+    /// Computes all for `places`, of which only `usable` count.
+    #[inline(always)]
+    fn set(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
+        let bands = blocker.bands();
+        let usable = only_first(*usable, places.count);
+        let ([(n, c), edges @ ..], Places { x, y, z, .. }) = (blocker.planes(), places);
+        for w in 0..places.words() {
+            let (mut front, mut back, mut far) = (0, 0, 0);
+            for (lane, bit) in LANES.iter().enumerate() {
+                let i = 32 * w + lane;
+                let d = n.x * x[i] + n.y * y[i] + n.z * z[i] - c;
+                let size = if d < 0.0 { -d } else { d };
+                front |= if d > bands.apart { *bit } else { 0 };
+                back |= if d < -bands.apart { *bit } else { 0 };
+                far |= if size > bands.near { *bit } else { 0 };
+                self.distance[w][lane] = size as f32;
+                // What is not apart is on neither side, and its ratios are not looked at.
+                let inverse = 1.0 / if size > bands.apart { size } else { f64::INFINITY };
+                for (ratio, (m, c)) in self.ratio.iter_mut().zip(edges) {
+                    ratio[w][lane] = ((m.x * x[i] + m.y * y[i] + m.z * z[i] - c) * inverse) as f32;
+                }
+            }
+            self.sides[0][w] = front & usable[w];
+            self.sides[1][w] = back & usable[w];
+            self.far[w] = far;
+            for side in 0..2 {
+                self.bound(side, w);
+            }
+        }
+    }
+
+    /// Bounds the points of word `w` that are on `side`.
+    #[inline(always)]
+    fn bound(&mut self, side: usize, w: usize) {
+        let bits = self.sides[side][w];
+        if bits == 0 {
+            return;
+        }
+        // Eight at a time, so that a register holds them.
+        let (mut lo, mut hi) = ([[f32::MAX; 8]; 4], [[f32::MIN; 8]; 4]);
+        let mut nearest = [f32::MAX; 8];
+        for first in [0, 8, 16, 24] {
+            for lane in 0..8 {
+                let among = bits & LANES[first + lane] != 0;
+                for k in 0..4 {
+                    let r = self.ratio[k][w][first + lane];
+                    let (low, high) = if among { (r, r) } else { (f32::MAX, f32::MIN) };
+                    lo[k][lane] = if low < lo[k][lane] { low } else { lo[k][lane] };
+                    hi[k][lane] = if high > hi[k][lane] { high } else { hi[k][lane] };
+                }
+                let d = if among { self.distance[w][first + lane] } else { f32::MAX };
+                nearest[lane] = if d < nearest[lane] { d } else { nearest[lane] };
+            }
+        }
+        let bounds = Bounds {
+            lo: lo.map(|lanes| lanes.into_iter().fold(f32::MAX, f32::min)),
+            hi: hi.map(|lanes| lanes.into_iter().fold(f32::MIN, f32::max)),
+            nearness: 1.0 / nearest.into_iter().fold(f32::MAX, f32::min),
+        };
+        self.bounds[side][w] = bounds;
+    }
+}
+
+/// Pairs that one blocker was the first to hide.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Hidden {
+    /// By the bounds of many.
+    pub proved: u64,
+    /// One by one.
+    pub tested: u64,
+}
+
+/// The pairs of up to [`SIDE`] points with up to as many.
+#[derive(Debug)]
+pub(super) struct Block {
+    /// Where the first points are,
+    pub rows: Places,
+    /// and the second.
+    pub columns: Places,
+    /// The pairs that nothing is known to hide.
+    pub open: [Bits; SIDE],
+    /// Of these, the ones that something passes too close to call.
+    pub unsure: [Bits; SIDE],
+    /// The pairs that were tested one by one.
+    pub tested: [Bits; SIDE],
+    from: Against,
+    to: Against,
+}
+
+impl Block {
+    /// A block without points.
+    pub fn new() -> Block {
+        Block {
+            rows: Places::NONE,
+            columns: Places::NONE,
+            open: [[0; WORDS]; SIDE],
+            unsure: [[0; WORDS]; SIDE],
+            tested: [[0; WORDS]; SIDE],
+            from: Against::NONE,
+            to: Against::NONE,
+        }
+    }
+
+    /// Forgets all pairs: none is open.
+    pub fn clear(&mut self) {
+        let rows = 0..self.rows.count;
+        self.open[rows.clone()].fill([0; WORDS]);
+        self.unsure[rows.clone()].fill([0; WORDS]);
+        self.tested[rows].fill([0; WORDS]);
+    }
+
+    /// How many pairs are open.
+    pub fn count_open(&self) -> u64 {
+        self.open[..self.rows.count].iter().map(count).sum()
+    }
+
+    /// Closes the open pairs that `blocker` hides and marks those that it passes too close to call. No segment is
+    /// longer than `length`. Only the `rows` and `columns` given count.
+    pub fn test(&mut self, blocker: &Blocker, length: f64, rows: &Bits, columns: &Bits) -> Hidden {
+        wide(Test { block: self, blocker, length, rows, columns })
+    }
+}
+
+/// How many bits are set.
+pub(super) fn count(bits: &Bits) -> u64 {
+    bits.iter().map(|w| u64::from(w.count_ones())).sum()
+}
+
+/// See [`Block::test`].
+struct Test<'a> {
+    block: &'a mut Block,
+    blocker: &'a Blocker,
+    length: f64,
+    rows: &'a Bits,
+    columns: &'a Bits,
+}
+
+/// What the r_k of two sets of points say of all their pairs.
+enum Bound {
+    Clear,
+    Covers,
+    Open,
+}
+
+/// All sums of two sets' r_k lie between those of `lo` and of `hi`; less than `band` from 0 is too close to call.
+#[inline(always)]
+fn bound(lo: [[f32; 4]; 2], hi: [[f32; 4]; 2], band: f32) -> Bound {
+    let (mut clear, mut covers) = (false, true);
+    for k in 0..4 {
+        clear |= hi[0][k] + hi[1][k] < -band;
+        covers &= lo[0][k] + lo[1][k] > band;
+    }
+    if clear {
+        Bound::Clear
+    } else if covers {
+        Bound::Covers
+    } else {
+        Bound::Open
+    }
+}
+
+impl HotLoop for Test<'_> {
+    type Output = Hidden;
+
+    #[inline(always)]
+    fn run(self) -> Hidden {
+        let Test { block, blocker, length, rows, columns } = self;
+        let Block { open, unsure, tested, from, to, .. } = block;
+        let mut hidden = Hidden::default();
+        from.set(&block.rows, rows, blocker);
+        let row_words = block.rows.words();
+        if (0..row_words).all(|w| from.sides[0][w] | from.sides[1][w] == 0) {
+            return hidden;
+        }
+        to.set(&block.columns, columns, blocker);
+        // s_k above this is beyond doubt, and so is s_k below its opposite, m².
+        let bands = blocker.bands();
+        let doubt = ((bands.slack + bands.rounding) * length) as f32;
+        for side in 0..2 {
+            for v in 0..row_words {
+                let members = from.sides[side][v];
+                if members == 0 {
+                    continue;
+                }
+                let near = from.bounds[side][v];
+                for w in 0..block.columns.words() {
+                    let opposite = to.sides[1 - side][w];
+                    if opposite == 0 {
+                        continue;
+                    }
+                    let beyond = to.bounds[1 - side][w];
+                    let all_far = members & !from.far[v] == 0 && opposite & !to.far[w] == 0;
+                    let band = doubt * near.nearness * beyond.nearness;
+                    let verdict = bound([near.lo, beyond.lo], [near.hi, beyond.hi], band);
+                    if matches!(verdict, Bound::Clear) {
+                        continue;
+                    }
+                    let covered = all_far && matches!(verdict, Bound::Covers);
+                    let mut left = members;
+                    while left != 0 {
+                        let i = 32 * v + left.trailing_zeros() as usize;
+                        left &= left - 1;
+                        let crossing = open[i][w] & opposite;
+                        if crossing == 0 {
+                            continue;
+                        }
+                        if covered {
+                            open[i][w] &= !crossing;
+                            hidden.proved += u64::from(crossing.count_ones());
+                            continue;
+                        }
+                        let ratios = from.ratio.each_ref().map(|r| r[v][i % 32]);
+                        let limit = doubt / from.distance[v][i % 32];
+                        match bound([ratios, beyond.lo], [ratios, beyond.hi], limit * beyond.nearness) {
+                            Bound::Clear => continue,
+                            Bound::Covers if all_far => {
+                                open[i][w] &= !crossing;
+                                hidden.proved += u64::from(crossing.count_ones());
+                                continue;
+                            }
+                            _ => {}
+                        }
+                        let (hit, maybe) = lanes(ratios, limit, to, w);
+                        let row_is_far = from.far[v] >> (i % 32) & 1 == 1;
+                        let certain = hit & crossing & if row_is_far { to.far[w] } else { 0 };
+                        open[i][w] &= !certain;
+                        unsure[i][w] |= maybe & crossing & !certain;
+                        tested[i][w] |= crossing;
+                        hidden.tested += u64::from(certain.count_ones());
+                    }
+                }
+            }
+        }
+        hidden
+    }
+}
+
+/// Of the points of word `w`: which have a segment from the point with these r_k that crosses inside beyond
+/// doubt, and which have one that may.
+#[inline(always)]
+fn lanes(ratios: [f32; 4], limit: f32, to: &Against, w: usize) -> (u32, u32) {
+    let ([r0, r1, r2, r3], d) = (to.ratio.each_ref().map(|r| &r[w]), &to.distance[w]);
+    let less = |a: f32, b: f32| if a < b { a } else { b };
+    let (mut hit, mut maybe) = (0, 0);
+    for i in 0..32 {
+        let least =
+            less(less(ratios[0] + r0[i], ratios[1] + r1[i]), less(ratios[2] + r2[i], ratios[3] + r3[i]));
+        let s = d[i] * least;
+        hit |= if s > limit { LANES[i] } else { 0 };
+        maybe |= if s >= -limit { LANES[i] } else { 0 };
+    }
+    (hit, maybe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::blocker::tests::{BANDS, Random, blocks};
+    use super::*;
+
+    /// Tests `rows` x `columns` against a surface and holds what is certain to intersection. Returns how many pairs
+    /// were proved hidden, tested hidden, unsure and free without a test.
+    fn compare(random: &mut Random, rows: &[DVec3], columns: &[DVec3]) -> [u64; 4] {
+        let surface = random.surface();
+        let blocker = Blocker::new(&surface, &BANDS);
+        let mut block = Block::new();
+        block.rows.set(rows.iter().copied());
+        block.columns.set(columns.iter().copied());
+        block.open[..rows.len()].fill(span(0, columns.len()));
+        let all = [u32::MAX; WORDS];
+        let hidden = block.test(&blocker, 4.0, &all, &span(0, columns.len()));
+        let (mut closed, mut unsure, mut free) = (0, 0, 0);
+        for (i, from) in rows.iter().enumerate() {
+            for (j, to) in columns.iter().enumerate() {
+                let get = |bits: &[Bits; SIDE]| bits[i][j / 32] >> (j % 32) & 1 == 1;
+                if !get(&block.open) {
+                    closed += 1;
+                    assert!(blocks(&surface, *from, *to), "{surface:?} {from} {to}");
+                } else if get(&block.unsure) {
+                    unsure += 1;
+                } else {
+                    free += u64::from(!get(&block.tested));
+                    assert!(!blocks(&surface, *from, *to), "{surface:?} {from} {to}");
+                }
+            }
+        }
+        assert_eq!(closed, hidden.proved + hidden.tested);
+        let again = block.test(&blocker, 4.0, &all, &span(0, columns.len()));
+        assert_eq!(again.proved + again.tested, 0, "nothing is hidden twice");
+        [hidden.proved, hidden.tested, unsure, free]
+    }
+
+    #[test]
+    fn certain_pairs_are_as_intersection_says() {
+        let mut random = Random(1);
+        let mut found = [0; 4];
+        for turn in 0..3000 {
+            // Points anywhere, and points close together, so that bounds decide.
+            let size = if turn % 2 == 0 { 1.0 } else { 0.15 };
+            let (o, p) =
+                if turn % 2 == 0 { (DVec3::ZERO, DVec3::ZERO) } else { (random.point(), random.point()) };
+            let rows: Vec<DVec3> = (0..5).map(|_| o + size * random.point()).collect();
+            let columns: Vec<DVec3> = (0..33 + turn % 60).map(|_| p + size * random.point()).collect();
+            let these = compare(&mut random, &rows, &columns);
+            found = std::array::from_fn(|k| found[k] + these[k]);
+        }
+        let [proved, tested, unsure, free] = found;
+        assert!(proved > 5_000 && tested > 10_000 && free > 100_000 && unsure < 60, "{found:?}");
+    }
+
+    #[test]
+    fn spans_are_what_they_say() {
+        for (first, end) in
+            [(0, 0), (0, 1), (0, 32), (5, 31), (31, 33), (64, 128), (0, 128), (127, 128), (40, 30)]
+        {
+            let bits = span(first, end);
+            for i in 0..SIDE {
+                assert_eq!(
+                    bits[i / 32] >> (i % 32) & 1 == 1,
+                    (first..end).contains(&i),
+                    "{i} in {first}..{end}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn points_above_a_plane_are_found() {
+        let mut random = Random(7);
+        let places: Vec<DVec3> = (0..77).map(|_| random.point()).collect();
+        let mut side = Places::NONE;
+        side.set(places.iter().copied());
+        let (normal, offset) = (DVec3::new(0.6, 0.0, 0.8), 0.1);
+        let above = side.above(normal, offset, 0.05);
+        for i in 0..SIDE {
+            let expected = places.get(i).is_some_and(|p| normal.dot(*p) - offset > 0.05);
+            assert_eq!(above[i / 32] >> (i % 32) & 1 == 1, expected);
+        }
+    }
+}
