@@ -27,7 +27,7 @@ pub enum Command {
     Info(Info),
     /// Run the checks against closed forms and published cases: expected, found, error
     Validate(Validate),
-    /// Measure times: beside the paper, and how they grow
+    /// Time every stage of a scene beside its ceiling
     Bench(Bench),
 }
 
@@ -201,10 +201,37 @@ pub struct Validate {
 
 /// `bench`
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Bench {
-    /// What to measure
+    /// What else to measure
     #[command(subcommand)]
-    pub what: BenchWhat,
+    pub what: Option<BenchWhat>,
+    /// The stages of a scene.
+    #[command(flatten)]
+    pub stages: BenchStages,
+}
+
+/// `bench [SCENE]`
+#[derive(Debug, Args)]
+pub struct BenchStages {
+    /// Scene file
+    #[arg(default_value = "scenes/paper_room.toml")]
+    pub scene: PathBuf,
+    /// Numbers of sample points, about; may be repeated
+    #[arg(long, value_name = "N", default_values_t = [4_010, 8_000, 32_000])]
+    pub points: Vec<usize>,
+    /// meyer4, or how many bands from 380 to 780 nm
+    #[arg(long, value_name = "meyer4|N", default_value = "meyer4")]
+    pub wavelengths: String,
+    /// Ray tracer
+    #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+    pub tracer: TracerArg,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
 }
 
 /// What `bench` can measure.

@@ -25,10 +25,11 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Info(args) => info::run(&args),
         Command::Validate(args) => with_threads(args.threads, || validate::run(&args)),
         Command::Bench(args) => match &args.what {
-            BenchWhat::Paper { scene, tracer, threads, report } => {
+            None => with_threads(args.stages.threads, || bench::stages(&args.stages)),
+            Some(BenchWhat::Paper { scene, tracer, threads, report }) => {
                 with_threads(*threads, || bench::paper(scene, *tracer, report.as_deref()))
             }
-            BenchWhat::Hall(args) => with_threads(args.threads, || bench::growth(args)),
+            Some(BenchWhat::Hall(args)) => with_threads(args.threads, || bench::growth(args)),
         },
     }
 }

@@ -5,6 +5,7 @@ pub mod graph;
 pub mod hall;
 pub mod scale;
 pub mod second_pass;
+pub mod stages;
 pub mod tracers;
 
 use crate::error::{Error, Result};

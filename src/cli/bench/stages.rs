@@ -1,0 +1,156 @@
+//! `luxgraph bench [SCENE]`
+
+use crate::cli::args::BenchStages;
+use crate::cli::progress::Bars;
+use crate::cli::run::tracer_choice;
+use crate::cli::say::say;
+use luxgraph::error::Result;
+use luxgraph::report::bench::first_pass::FirstPassBench;
+use luxgraph::report::bench::graph::GraphBench;
+use luxgraph::report::bench::stages::{Stages, stages};
+use luxgraph::report::bench::tracers::TracerRates;
+use luxgraph::report::paper_tables::group;
+use luxgraph::report::{Machine, peak_memory_bytes, write_json};
+use luxgraph::scene;
+use luxgraph::settings::Settings;
+use luxgraph::spectrum::Wavelengths;
+use serde::Serialize;
+
+/// What `bench` measured.
+#[derive(Serialize)]
+struct Report {
+    machine: Machine,
+    scene: String,
+    peak_memory_bytes: u64,
+    #[serde(flatten)]
+    stages: Stages,
+}
+
+/// Times every stage of a scene beside its ceiling.
+pub fn run(args: &BenchStages) -> Result<()> {
+    let scene = scene::load(&args.scene)?;
+    let settings = Settings {
+        tracer: tracer_choice(args.tracer),
+        wavelengths: Wavelengths::parse(&args.wavelengths)?,
+        ..Settings::default()
+    };
+    let stages = stages(&scene, &settings, &args.points, &Bars::new())?;
+    print(&stages);
+    let (machine, peak_memory_bytes) = (Machine::this(), peak_memory_bytes());
+    say!("peak memory {:.0} MB", peak_memory_bytes as f64 / 1e6);
+    say!("on {}, {} threads, tracer {}", machine.processor, machine.threads, stages.second_pass.tracer);
+    if let Some(path) = &args.report {
+        let scene = args.scene.display().to_string();
+        write_json(path, &Report { machine, scene, peak_memory_bytes, stages })?;
+    }
+    Ok(())
+}
+
+fn print(stages: &Stages) {
+    say!("graph: time over that of a plain loop over the facing pairs ({})", stages.sizes[0].graph.ceiling);
+    say!("   points   graph s    loop s   ratio   Msegments/s    graph MB        rays");
+    for size in &stages.sizes {
+        let GraphBench {
+            points,
+            graph_s,
+            ceiling_s,
+            ratio,
+            ceiling_segments_per_s,
+            memory_bytes,
+            rays_cast,
+            ..
+        } = &size.graph;
+        say!(
+            "{:>9}{graph_s:>10.3}{ceiling_s:>10.3}{ratio:>8.3}{:>14.1}{:>12.1}{:>12}",
+            group(*points),
+            ceiling_segments_per_s / 1e6,
+            *memory_bytes as f64 / 1e6,
+            group(*rays_cast)
+        );
+    }
+    let graph = &stages.sizes[0].graph;
+    say!(
+        "pairs decided at {} points: same surface {}, not facing {}, proved {}, tested {}, last blocker {}, ray {}; \
+         see each other {} (loop {})",
+        group(graph.points),
+        group(graph.same_surface),
+        group(graph.not_facing),
+        group(graph.proved),
+        group(graph.direct),
+        group(graph.last_blocker),
+        group(graph.rays_cast),
+        group(graph.graph_seen),
+        group(graph.ceiling_seen)
+    );
+    say!(
+        "\nfirst pass: a sweep over the dense product of a stored matrix; relights over graph and first pass"
+    );
+    say!("   points   W   sweep s  product s   ratio  set-up s  solve s  sweeps");
+    for size in &stages.sizes {
+        let FirstPassBench {
+            points, wavelengths, sweep_s, ceiling_s, ratio, setup_s, solve_s, sweeps, ..
+        } = &size.first_pass;
+        let or_none = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.3}"));
+        say!(
+            "{:>9}{wavelengths:>4}{sweep_s:>10.3}{:>11}{:>8}{setup_s:>10.3}{solve_s:>9.3}{sweeps:>8.0}",
+            group(*points),
+            or_none(*ceiling_s),
+            or_none(*ratio)
+        );
+    }
+    let first = &stages.sizes[0].first_pass;
+    for relight in &first.relights {
+        say!(
+            "relight at {} points, {}: {:.3} s, {:.1} % of graph and first pass",
+            group(first.points),
+            relight.change,
+            relight.total_s,
+            100.0 * relight.share_of_full
+        );
+    }
+    say!("\nray tracers, million rays a second on one thread");
+    say!(" surfaces  query     voxel  Embree single  ratio  Embree packets  voxel build s");
+    rates(&stages.tracers);
+    rates(&stages.tracers_on_hall);
+    let view = &stages.second_pass;
+    let [width, height] = view.resolution;
+    say!(
+        "\nsecond pass, {width} x {height}, {} samples a pixel, {} rays: rate over that of a bare loop over its rays",
+        view.samples,
+        group(view.rays as u64)
+    );
+    say!("  threads       s   Mrays/s   bare   ratio  speed-up");
+    for rate in &view.by_threads {
+        let or_none = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.2}"));
+        say!(
+            "{:>9}{:>8.2}{:>10.2}{:>7}{:>8}{:>10.2}",
+            rate.threads,
+            rate.second_pass_s,
+            rate.rays_per_s / 1e6,
+            or_none(rate.bare_rays_per_s.map(|r| r / 1e6)),
+            or_none(rate.ratio),
+            rate.speedup
+        );
+    }
+}
+
+fn rates(of: &TracerRates) {
+    let surfaces = group(of.surfaces as u64);
+    let Some(embree) = &of.embree else {
+        say!("{surfaces:>9}  closest {:>7.2}  no Embree in this build", of.voxel_closest_per_s / 1e6);
+        say!("{surfaces:>9}  blocked {:>7.2}", of.voxel_occluded_per_s / 1e6);
+        return;
+    };
+    let line = |query: &str, voxel: f64, single: f64, packets: f64| {
+        say!(
+            "{surfaces:>9}  {query} {:>7.2}{:>15.2}{:>7.2}{:>16.2}{:>15.3}",
+            voxel / 1e6,
+            single / 1e6,
+            voxel / single,
+            packets / 1e6,
+            of.voxel_build_s
+        );
+    };
+    line("closest", of.voxel_closest_per_s, embree.closest_per_s, embree.closest_packets_per_s);
+    line("blocked", of.voxel_occluded_per_s, embree.occluded_per_s, embree.occluded_packets_per_s);
+}

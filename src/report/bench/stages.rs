@@ -1,0 +1,87 @@
+//! The stages of one scene, each beside its ceiling, measured in one run.
+
+use super::area_factor_for;
+use super::first_pass::{self, FirstPassBench, usual_changes};
+use super::graph::{self, GraphBench};
+use super::hall::hall;
+use super::second_pass::{SecondPassRates, second_pass_rates};
+use super::tracers::{TracerRates, tracer_rates};
+use crate::error::{Error, Result};
+use crate::observer::Observer;
+use crate::pipeline;
+use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::tracers;
+use serde::Serialize;
+
+/// Rays of each kind that a tracer's rate is taken from.
+const RAYS: usize = 200_000;
+/// Rows and columns of a hall of about 100,000 quadrilaterals.
+const LARGE_HALL: [usize; 2] = [48, 51];
+/// The ceiling of a sweep multiplies by a stored matrix of N² numbers; more than this is left out, bytes.
+const MOST_BYTES: u64 = 1 << 30;
+/// How often a sweep and its ceiling take turns.
+const REPEATS: usize = 7;
+
+/// The graph and the first pass at one number of points.
+#[derive(Clone, Debug, Serialize)]
+pub struct AtPoints {
+    /// The graph.
+    pub graph: GraphBench,
+    /// The first pass, and new appearances over the same graph.
+    pub first_pass: FirstPassBench,
+}
+
+/// All stages.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stages {
+    /// By number of points, in the order asked for.
+    pub sizes: Vec<AtPoints>,
+    /// Ray tracers on the scene.
+    pub tracers: TracerRates,
+    /// Ray tracers on a hall of about 100,000 quadrilaterals.
+    pub tracers_on_hall: TracerRates,
+    /// The second pass of the scene's first camera, at its first number of points.
+    pub second_pass: SecondPassRates,
+}
+
+/// Measures all stages of `scene` at about each number of `points`.
+///
+/// # Errors
+/// Those of the stages; [`Error::Settings`] when no number of points is given, or one too small for the scene.
+pub fn stages(
+    scene: &Scene,
+    settings: &Settings,
+    points: &[usize],
+    observer: &dyn Observer,
+) -> Result<Stages> {
+    let geometry = &scene.geometry;
+    let tracer = tracers::choose(settings.tracer, geometry)?;
+    let changes = usual_changes(&scene.appearance);
+    let (mut sizes, mut second_pass) = (Vec::new(), None);
+    for &wanted in points {
+        let factor = area_factor_for(geometry, &scene.sampling, wanted)?;
+        let settings = Settings { area_factor: factor, ..settings.clone() };
+        let prepared =
+            pipeline::prepare(geometry, &scene.sampling, &settings, tracer.as_ref(), None, observer)?;
+        let graph = graph::graph(geometry, &prepared.points, tracer.as_ref(), observer)?;
+        let first_pass =
+            first_pass::measure(scene, &prepared, &settings, &changes, MOST_BYTES, REPEATS, observer)?;
+        sizes.push(AtPoints { graph, first_pass });
+        if second_pass.is_none() {
+            let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, observer)?;
+            let camera = scene.cameras.first();
+            let camera = camera.ok_or_else(|| Error::Settings("the scene has no camera".into()))?;
+            let lit = pipeline::lit_scene(geometry, &prepared, &lit);
+            second_pass = Some(second_pass_rates(&lit, camera, tracer.as_ref(), &settings.second_pass)?);
+        }
+    }
+    let [rows, columns] = LARGE_HALL;
+    Ok(Stages {
+        sizes,
+        tracers: tracer_rates(geometry, RAYS)?,
+        tracers_on_hall: tracer_rates(&hall(rows, columns).geometry, RAYS)?,
+        second_pass: second_pass
+            .ok_or_else(|| Error::Settings("give at least one number of points".into()))?,
+    })
+}
