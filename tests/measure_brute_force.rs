@@ -63,10 +63,10 @@ fn emitted(scene: &LitScene, tracer: &dyn RayTracer, sensor: &Sensor) -> Vec<f64
         let share = surface.area / (PIECES * PIECES) as f64;
         for k in 0..PIECES * PIECES {
             let at = |i: usize| (i as f64 + 0.5) / PIECES as f64;
-            let place =
-                surface.point_at(at(k % PIECES), at(k / PIECES)) + 1e-5 * surface.normal_at(DVec3::ZERO);
-            let way = place - origin;
-            let cosines = sensor.normal.dot(way).max(0.0) * surface.normal.dot(-way).max(0.0);
+            let place = surface.point_at(at(k % PIECES), at(k / PIECES));
+            let normal = surface.normal_at(place);
+            let way = place + 1e-5 * normal - origin;
+            let cosines = sensor.normal.dot(way).max(0.0) * normal.dot(-way).max(0.0);
             if cosines > 0.0
                 && tracer.closest(&Ray { origin, direction: way, t_min: 0.0, t_max: 1.0 }).is_none()
             {

@@ -182,10 +182,10 @@ mod tests {
                 });
                 let block =
                     Block::new(surfaces.iter().enumerate().map(|(k, s)| (k as u32, OrientedBox::around(s))));
-                for lane in 0..LANES {
+                for (lane, surface) in surfaces.iter().enumerate() {
                     for corner in 0..4 {
                         // On one of the triangles that stand for the surface: inside, on an edge, at a corner.
-                        let (triangles, count) = surfaces[lane].triangles();
+                        let (triangles, count) = surface.triangles();
                         let [a, b, c] = triangles[corner % count];
                         let (s, t) = match corner {
                             0 => (0.5 * unit(), 0.5 * unit()),

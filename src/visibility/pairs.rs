@@ -92,9 +92,7 @@ impl PairWork<'_> {
         for (members, b) in &second {
             let front = self.block.rows.above(b.plane.normal, b.plane.offset, apart);
             for i in set(&front) {
-                for w in 0..WORDS {
-                    self.block.open[i][w] |= members[w];
-                }
+                self.block.open[i].iter_mut().zip(members).for_each(|(open, members)| *open |= members);
             }
         }
         for (members, a) in &first {
