@@ -14,7 +14,7 @@ use super::graph::stride_of;
 use super::patch::Patch;
 use super::stats::GraphStats;
 use super::transpose::transpose;
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, SurfaceId};
 use crate::tracers::Segment;
 use glam::DVec3;
 use std::ops::Range;
@@ -137,6 +137,10 @@ impl<'a> PairWork<'a> {
         if work.rows.is_empty() || work.columns.is_empty() {
             return work.result;
         }
+        if build.nothing_faces(&work.rows, &work.columns) {
+            work.pass_over();
+            return work.result;
+        }
         if build.settings.proofs {
             build.tree.candidates(&build.blockers, &build.boxes[a], &build.boxes[b], &mut work.open);
         }
@@ -155,6 +159,33 @@ impl<'a> PairWork<'a> {
             work.mirror();
         }
         work.result
+    }
+
+    /// Counts the pairs of two voxels that do not face each other.
+    fn pass_over(&mut self) {
+        let on = |points: &Range<usize>| {
+            let mut counts: Vec<(SurfaceId, u64)> = Vec::new();
+            for patch in self.build.patches_between(points) {
+                match counts.last_mut() {
+                    Some((surface, count)) if *surface == patch.surface => {
+                        *count += patch.points.len() as u64
+                    }
+                    _ => counts.push((patch.surface, patch.points.len() as u64)),
+                }
+            }
+            counts
+        };
+        let (first, second) = (on(&self.rows), on(&self.columns));
+        let diagonal = self.rows == self.columns;
+        let pairs = |a: u64, b: u64| if diagonal { a * (a - 1) / 2 } else { a * b };
+        // Points stand in the order of their surfaces.
+        let its =
+            |surface: SurfaceId| second.binary_search_by_key(&surface, |s| s.0).map_or(0, |k| second[k].1);
+        let same: u64 = first.iter().map(|&(s, n)| if its(s) > 0 { pairs(n, its(s)) } else { 0 }).sum();
+        let all = pairs(self.rows.len() as u64, self.columns.len() as u64);
+        self.result.stats.pairs += all;
+        self.result.stats.same_surface += same;
+        self.result.stats.not_facing += all - same;
     }
 
     /// Decides the pairs of some points of either voxel.
@@ -349,6 +380,24 @@ impl Build<'_> {
             }
         }
         facing
+    }
+
+    /// Whether no point of one voxel among `rows` can face any of another among `columns`: all of one lie
+    /// under every plane of the other. Half the band, so that rounding cannot deny what a single pair would show.
+    pub fn nothing_faces(&self, rows: &Range<usize>, columns: &Range<usize>) -> bool {
+        let blind = |of: &Range<usize>, to: &Range<usize>| {
+            let bounds = Aabb::around(self.points.position[to.clone()].iter().map(|p| p.as_dvec3()));
+            let mut last = None;
+            self.patches_between(of).iter().all(|patch| {
+                let sheet = (patch.surface, patch.plane.normal);
+                let known = last == Some(sheet);
+                last = Some(sheet);
+                let highest =
+                    patch.plane.height(bounds.centre()) + 0.5 * patch.plane.normal.abs().dot(bounds.size());
+                known || !patch.curved && highest <= 0.5 * self.bands.apart
+            })
+        };
+        blind(rows, columns) || blind(columns, rows)
     }
 
     /// The patches with points in `range`, which lies in one voxel.
