@@ -63,9 +63,10 @@ pub struct FirstPassStats {
     pub reciprocity_error_mean: f64,
     /// Largest |A_i F_ij - A_j F_ji| of a pair, of the larger of the two.
     pub reciprocity_error_max: f64,
-    /// Mean relative deviation of the specular lobes from their directional albedo.
+    /// Of ideal lobes the mean relative deviation from their directional albedo; of rough lobes and of solids the mean
+    /// share of the light that balancing could not place in its lobe and spread over the hemisphere.
     pub lobe_error_mean: f64,
-    /// Largest such deviation of a direction.
+    /// The largest of a direction.
     pub lobe_error_max: f64,
     /// Black cells that stand for openings around specular points.
     pub opening_cells: u64,
