@@ -19,7 +19,7 @@ fn build(geometry: &Geometry, points: &SamplePoints, settings: &GraphSettings) -
 }
 
 /// The paper's way: no proofs, the last blocker, and rays for the rest.
-const PAPER: GraphSettings = GraphSettings { proofs: false, direct_candidates: 0 };
+const PAPER: GraphSettings = GraphSettings { proofs: false, tests: false };
 
 /// All pairs `i < j` that face each other.
 fn facing_pairs<'a>(
@@ -72,7 +72,7 @@ fn every_facing_pair_agrees_with_brute_force() {
 fn every_pair_is_counted_once_and_few_need_a_ray() {
     let geometry = rooms::furnished_room(true);
     assert_eq!(geometry.surfaces.len(), 134);
-    let direct_off = GraphSettings { direct_candidates: 0, ..GraphSettings::default() };
+    let direct_off = GraphSettings { tests: false, ..GraphSettings::default() };
     let points = rooms::sample(&geometry, 0.06, 5);
     // By rays alone no larger a share of the pairs than the paper's.
     for (settings, most) in [(GraphSettings::default(), 0.001), (direct_off, 0.173)] {

@@ -23,14 +23,14 @@ use std::time::Instant;
 pub struct GraphSettings {
     /// Decide whole tiles by proofs.
     pub proofs: bool,
-    /// Where no more surfaces than this can block in a tile they are tested one by one instead of
-    /// casting rays; 0 leaves all to the tracer, as in the paper. Needs `proofs`.
-    pub direct_candidates: usize,
+    /// Where few enough surfaces can block, test them one by one instead of casting rays; if not, all is left to the
+    /// tracer, as in the paper. Needs `proofs`.
+    pub tests: bool,
 }
 
 impl Default for GraphSettings {
     fn default() -> Self {
-        GraphSettings { proofs: true, direct_candidates: 64 }
+        GraphSettings { proofs: true, tests: true }
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::block::{Bits, Hidden, SIDE, WORDS, count, span};
 use super::patch::Patch;
-use super::tile::{Flank, PairWork, Tile};
+use super::tile::{Flank, PairWork, Tile, pays};
 use crate::geometry::SurfaceId;
 use crate::tracers::Segment;
 use std::ops::Range;
@@ -58,8 +58,9 @@ impl PairWork<'_> {
         self.test_candidates(tile.candidates, tile.length, all, |_| Some((ALL, ALL)));
     }
 
-    /// Decides the pairs of a block of two voxels by their `candidates`, no segment of which is longer than `length`.
-    pub fn test_block(
+    /// Decides the pairs of a block of two voxels: by testing their `candidates` where they are few, else by rays. No
+    /// segment is longer than `length`.
+    pub fn decide_block(
         &mut self,
         rows: Range<usize>,
         columns: Range<usize>,
@@ -75,6 +76,35 @@ impl PairWork<'_> {
             build.patches_between(side).iter().map(|patch| (within(patch), patch)).collect()
         };
         let (first, second) = (members(&rows), members(&columns));
+        let points = rows.len() + columns.len();
+        let open = self.open_facing(rows, columns, &first, &second);
+        if open == 0 {
+            return;
+        }
+        if !pays(candidates.len(), points, open) {
+            return self.push_open();
+        }
+        // A surface cannot hide what is in front of it, nor block from behind what faces away.
+        let reached = |c: u32, patches: &[(Bits, &Patch)]| {
+            let mut bits = [0; WORDS];
+            for (members, _) in patches.iter().filter(|(_, patch)| build.is_in_front(c, patch)) {
+                bits = std::array::from_fn(|w| bits[w] | members[w]);
+            }
+            (bits != [0; WORDS]).then_some(bits)
+        };
+        self.test_candidates(candidates, length, open, |c| Some((reached(c, &first)?, reached(c, &second)?)));
+    }
+
+    /// Makes the pairs of `rows` and `columns` that face each other the open ones of the block, given the patches on
+    /// either side and their points, and counts the others. Returns how many are open.
+    fn open_facing(
+        &mut self,
+        rows: Range<usize>,
+        columns: Range<usize>,
+        first: &[(Bits, &Patch)],
+        second: &[(Bits, &Patch)],
+    ) -> u64 {
+        let build = self.build;
         self.begin(rows.clone(), columns.clone());
         let under = |side: &Range<usize>| {
             let mut bits = [0; WORDS];
@@ -83,19 +113,18 @@ impl PairWork<'_> {
             }
             bits
         };
-        let hidden_rows = under(&rows);
-        let hidden_columns = under(&columns);
+        let (hidden_rows, hidden_columns) = (under(&rows), under(&columns));
         let apart = build.bands.apart;
         let diagonal = rows == columns;
         let (mut facing, mut same_surface) = (0, 0);
         // A patch is planar: whether its points face another patch's is a matter of its plane.
-        for (members, b) in &second {
+        for (members, b) in second {
             let front = self.block.rows.above(b.plane.normal, b.plane.offset, apart);
             for i in set(&front) {
                 self.block.open[i].iter_mut().zip(members).for_each(|(open, members)| *open |= members);
             }
         }
-        for (members, a) in &first {
+        for (members, a) in first {
             let front = self.block.columns.above(a.plane.normal, a.plane.offset, apart);
             let mut own = [0; WORDS];
             for (of_b, _) in second.iter().filter(|(_, b)| b.surface == a.surface) {
@@ -121,18 +150,16 @@ impl PairWork<'_> {
         stats.not_facing += all - same_surface - facing;
         stats.proved += facing - open;
         self.result.facing += facing;
-        if open > 0 {
-            // A surface cannot hide what is in front of it, nor block from behind what faces away.
-            let reached = |c: u32, patches: &[(Bits, &Patch)]| {
-                let mut bits = [0; WORDS];
-                for (members, _) in patches.iter().filter(|(_, patch)| build.is_in_front(c, patch)) {
-                    bits = std::array::from_fn(|w| bits[w] | members[w]);
-                }
-                (bits != [0; WORDS]).then_some(bits)
-            };
-            self.test_candidates(candidates, length, open, |c| {
-                Some((reached(c, &first)?, reached(c, &second)?))
-            });
+        open
+    }
+
+    /// Leaves the open pairs of the block to the tracer.
+    fn push_open(&mut self) {
+        let [row, column] = self.place;
+        for r in 0..self.block.rows.count {
+            for c in set(&self.block.open[r]) {
+                self.push(row + r, column + c);
+            }
         }
     }
 
@@ -200,12 +227,7 @@ impl PairWork<'_> {
         if left >= WORTH_A_PROBE {
             self.probe(left / 2, own, tile.length);
         }
-        let [row, column] = self.place;
-        for r in 0..self.block.rows.count {
-            for c in set(&self.block.open[r]) {
-                self.push(row + r, column + c);
-            }
-        }
+        self.push_open();
     }
 
     /// Casts the `nth` open pair of the block alone, to learn what blocks it.

@@ -1,8 +1,9 @@
 //! Deciding the pairs of two voxels.
 //!
-//! Where few surfaces can block, a block of up to 128 x 128 pairs of the voxels' points, whatever they lie on, is
-//! tested against them all at once. Where there are many, or rays are asked for, patch meets patch, tile by tile: a tile
-//! is the pairs of some points of one patch with some of another. It begins as the facing
+//! A block of up to 128 x 128 pairs of the voxels' points, whatever they lie on, is tested at once against the surfaces
+//! that can block, where these are few, and left to the tracer where they are many. On curved surfaces, and where only
+//! rays are asked for, patch meets patch, tile by tile: a tile is the pairs of some points of one patch with some of
+//! another. It begins as the facing
 //! pairs of two whole patches and is cut in four, along the quadtrees of the surfaces, as long as
 //! proofs may still decide a part of it; what is left is decided pair by pair.
 
@@ -25,6 +26,9 @@ const SMALL_FOR_TESTS: usize = 256;
 
 /// Where rays are cast, tiles of no more pairs are not cut further.
 const SMALL_FOR_RAYS: usize = 16;
+
+/// In the time that a ray takes, this many points are held against a candidate (measured: 5 to 15 do alike).
+const POINTS_FOR_A_RAY: u64 = 15;
 
 /// What is known of two voxels when all their pairs are decided.
 #[derive(Debug, Default)]
@@ -145,7 +149,7 @@ impl<'a> PairWork<'a> {
             build.tree.candidates(&build.blockers, &build.boxes[a], &build.boxes[b], &mut work.open);
         }
         let (rows, columns) = (work.rows.clone(), work.columns.clone());
-        if build.settings.proofs && build.settings.direct_candidates > 0 {
+        if build.settings.proofs && build.settings.tests {
             for first in blocks(&rows) {
                 for second in blocks(&columns).filter(|second| a != b || second.start >= first.start) {
                     work.block(first.clone(), second);
@@ -206,8 +210,8 @@ impl<'a> PairWork<'a> {
         let candidates = all..self.open.len();
         let curved = |of: &Range<usize>| build.patches_between(of).iter().any(|patch| patch.curved);
         let flat = !curved(&rows) && !curved(&columns);
-        if flat && candidates.len() <= build.settings.direct_candidates {
-            self.test_block(rows, columns, candidates, a.union(b).size().length());
+        if flat {
+            self.decide_block(rows, columns, candidates, a.union(b).size().length());
         } else {
             self.patch_by_patch(&rows, &columns, candidates);
         }
@@ -270,7 +274,7 @@ impl<'a> PairWork<'a> {
         let hull_b = b.rectangle(&self.to.position[tile.columns.clone()]);
         let hull = Aabb::around(hull_a.iter().chain(&hull_b).copied());
         tile.length = hull.size().length();
-        let GraphSettings { proofs, direct_candidates } = *self.build.settings;
+        let GraphSettings { proofs, tests } = *self.build.settings;
         let surfaces = [a.surface, b.surface];
         if !proofs {
             return self.trace(surfaces, tile);
@@ -278,7 +282,8 @@ impl<'a> PairWork<'a> {
         let first = self.open.len();
         if !self.prove(&tile, [&hull_a, &hull_b], &hull) {
             tile.candidates = first..self.open.len();
-            let few = tile.candidates.len() <= direct_candidates;
+            let points = tile.rows.len() + tile.columns.len();
+            let few = tests && pays(tile.candidates.len(), points, tile.pairs() as u64);
             if tile.pairs() > if few { SMALL_FOR_TESTS } else { SMALL_FOR_RAYS } {
                 tile.quarters().for_each(|quarter| self.decide_tile(a, b, quarter));
             } else if few {
@@ -413,6 +418,12 @@ impl Build<'_> {
         let in_front = |v: &DVec3| of.plane.height(*v) > self.bands.apart;
         c != of.surface.0 && (blocker.round().is_some() || blocker.vertices().iter().any(in_front))
     }
+}
+
+/// Whether testing each of the `candidates` on all of the `points` of a block or tile costs less than casting a ray for
+/// each of its open `pairs`.
+pub(super) fn pays(candidates: usize, points: usize, pairs: u64) -> bool {
+    (candidates * points) as u64 <= POINTS_FOR_A_RAY * pairs
 }
 
 /// A voxel's points cut into parts of the same number of words, none of more than [`SIDE`] points.

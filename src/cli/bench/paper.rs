@@ -97,7 +97,7 @@ pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()
         group(stats.rays_cast)
     );
     // The same graph the paper's way: what proofs leave open goes to the last blocker and to rays.
-    let by_rays = GraphSettings { direct_candidates: 0, ..GraphSettings::default() };
+    let by_rays = GraphSettings { tests: false, ..GraphSettings::default() };
     let by_rays = VisibilityGraph::build_with(geometry, points, tracer.as_ref(), &by_rays, &bars)?.stats;
     say!(
         "with rays in place of the test of candidates: {} rays ({:.1} %), last blocker {}, {}",
