@@ -199,17 +199,22 @@ impl<'a> PairWork<'a> {
             |of: &Range<usize>| Aabb::around(build.points.position[of.clone()].iter().map(|p| p.as_dvec3()));
         let (a, b) = (around(&rows), around(&columns));
         let shaft = BoxShaft::new(&a, &b);
+        let curved = |of: &Range<usize>| build.patches_between(of).iter().any(|patch| patch.curved);
+        let flat = !curved(&rows) && !curved(&columns);
         let all = self.open.len();
         for k in 0..all {
             let c = self.open[k];
             let blocker = &build.blockers[c as usize];
             if blocker.may_separate(&a, &b) && !shaft.misses(blocker) {
                 self.open.push(c);
+                let pairs = (rows.len() * columns.len()) as u64;
+                if flat && !pays(self.open.len() - all, rows.len() + columns.len(), pairs) {
+                    // Too many to be tested, whichever the others are.
+                    break;
+                }
             }
         }
         let candidates = all..self.open.len();
-        let curved = |of: &Range<usize>| build.patches_between(of).iter().any(|patch| patch.curved);
-        let flat = !curved(&rows) && !curved(&columns);
         if flat {
             self.decide_block(rows, columns, candidates, a.union(b).size().length());
         } else {
