@@ -52,6 +52,7 @@ pub mod observer;
 pub mod output;
 pub mod pipeline;
 pub mod points;
+pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod second_pass;

@@ -19,6 +19,10 @@ pub enum Command {
     Render(Render),
     /// Render many appearances over one visibility graph: the first pass casts no ray
     Relight(Relight),
+    /// Render by an unbiased path tracer that says how noisy it is: the judge of the two passes
+    Reference(Reference),
+    /// Tell how far two images of one view are apart
+    Compare(Compare),
     /// Measure illuminance and melanopic EDI at the sensors and grids of a scene
     Measure(Measure),
     /// Put the ray tracers side by side, with an exact judge on every disagreement
@@ -68,6 +72,67 @@ pub struct Relight {
     /// Options common to render and relight.
     #[command(flatten)]
     pub options: Options,
+}
+
+/// `reference`
+#[derive(Debug, Args)]
+pub struct Reference {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Image as `render` writes it, with the standard error of luminance as channel noise.Y, cd/m²; a PNG of the same
+    /// name is written beside it
+    #[arg(short, long, value_name = "OUT.exr")]
+    pub output: PathBuf,
+    /// Change the scene's materials first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// Camera of the scene file [default: its first]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height of the image in pixels [default: the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Paths a pixel; more than 16 are rounded up to a multiple of 16
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1048576))]
+    pub samples: u32,
+    /// meyer4, or how many bands from 380 to 780 nm
+    #[arg(long, value_name = "meyer4|N", default_value = "8")]
+    pub wavelengths: String,
+    /// Seed of the paths
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
+    #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
+    pub exposure: String,
+    /// Add the spectral channels and CIE XYZ to the EXR
+    #[arg(long)]
+    pub spectral: bool,
+    /// Ray tracer
+    #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+    pub tracer: TracerArg,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write samples, rays, noise and time as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// `compare`
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// The image that counts as true, EXR with channels R, G, B
+    #[arg(value_name = "REFERENCE.exr")]
+    pub reference: PathBuf,
+    /// The other, of the same size
+    #[arg(value_name = "IMAGE.exr")]
+    pub image: PathBuf,
+    /// PNG of the relative difference of luminance: white none, red brighter, blue darker, full colour at 20 %
+    #[arg(short, long, value_name = "OUT.png")]
+    pub output: Option<PathBuf>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
 }
 
 /// `measure`

@@ -2,10 +2,12 @@
 
 pub mod args;
 mod bench;
+mod compare;
 mod crosscheck;
 mod info;
 mod measure;
 mod progress;
+mod reference;
 mod relight;
 mod render;
 mod run;
@@ -20,6 +22,8 @@ pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
         Command::Render(args) => with_threads(args.options.lighting.threads, || render::run(&args)),
         Command::Relight(args) => with_threads(args.options.lighting.threads, || relight::run(&args)),
+        Command::Reference(args) => with_threads(args.threads, || reference::run(&args)),
+        Command::Compare(args) => compare::run(&args),
         Command::Measure(args) => with_threads(args.lighting.threads, || measure::run(&args)),
         Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),
         Command::Info(args) => info::run(&args),

@@ -32,7 +32,7 @@ pub fn run(args: &Relight) -> Result<()> {
         .iter()
         .map(|path| description.changed(path)?.appearance(&scene.geometry))
         .collect::<Result<Vec<_>>>()?;
-    let camera = camera(&scene, options)?;
+    let camera = camera(&scene, options.camera.as_deref(), options.size)?;
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(&args.output, e))?;
     let targets: Vec<Targets> = stems
         .iter()

@@ -24,7 +24,7 @@ pub fn run(args: &Render) -> Result<()> {
     targets.check(&inputs(&args.scene, &args.changes, &options.lighting))?;
 
     let scene = scene::load_with_changes(&args.scene, &args.changes)?;
-    let camera = camera(&scene, options)?;
+    let camera = camera(&scene, options.camera.as_deref(), options.size)?;
     let bars = Bars::new();
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
     let sources =

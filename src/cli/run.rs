@@ -96,18 +96,18 @@ pub fn exposure(text: &str) -> Result<Exposure> {
 }
 
 /// The camera asked for, at the size asked for.
-pub fn camera(scene: &Scene, options: &Options) -> Result<Camera> {
-    let mut camera = match &options.camera {
+pub fn camera(scene: &Scene, name: Option<&str>, size: Option<[u32; 2]>) -> Result<Camera> {
+    let mut camera = match name {
         None => scene.cameras.first().cloned(),
-        Some(name) => scene.cameras.iter().find(|c| c.name == *name).cloned(),
+        Some(name) => scene.cameras.iter().find(|c| c.name == name).cloned(),
     }
     .ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-        let asked = options.camera.as_deref().unwrap_or_default();
+        let asked = name.unwrap_or_default();
         let names = names.join(", ");
         Error::Settings(format!("--camera {asked}: the scene has no camera of that name, only {names}"))
     })?;
-    if let Some(size) = options.size {
+    if let Some(size) = size {
         camera.resolution = size;
     }
     camera.check()?;

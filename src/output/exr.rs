@@ -28,10 +28,28 @@ pub struct ExrOptions {
 /// as the attribute `whiteLuminance` says. Nothing is clamped. The same image gives the same
 /// bytes. Errors: [`Error::Io`] with the path, the reason and what to do.
 pub fn write(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result<()> {
-    atomic_file::write(path, &encode(path, image, options)?)
+    atomic_file::write(path, &encode(path, image, options, None)?)
 }
 
-fn encode(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result<Vec<u8>> {
+/// [`write`] with the standard error of each pixel's luminance as channel `noise.Y`, cd m⁻².
+///
+/// # Errors
+/// As [`write`].
+pub fn write_with_noise(
+    path: &Path,
+    image: &SpectralImage,
+    options: &ExrOptions,
+    noise: &[f32],
+) -> Result<()> {
+    atomic_file::write(path, &encode(path, image, options, Some(noise))?)
+}
+
+fn encode(
+    path: &Path,
+    image: &SpectralImage,
+    options: &ExrOptions,
+    noise: Option<&[f32]>,
+) -> Result<Vec<u8>> {
     let pixels = image.pixels();
     if pixels == 0 || pixels as u64 != u64::from(image.width) * u64::from(image.height) {
         return Err(Error::io(path, "the image is empty or its size does not match its data"));
@@ -46,6 +64,9 @@ fn encode(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result<Ve
         for (c, name) in ["CIE.X", "CIE.Y", "CIE.Z"].into_iter().enumerate() {
             channels.push(channel(name, (0..pixels).map(|p| image.xyz(p)[c] as f32).collect()));
         }
+    }
+    if let Some(noise) = noise.filter(|noise| noise.len() == pixels) {
+        channels.push(channel("noise.Y", noise.to_vec()));
     }
     let w = image.wavelengths.len();
     if options.spectral {

@@ -46,6 +46,11 @@ pub fn write(path: &Path, image: &SpectralImage, exposure: Exposure) -> Result<f
     Ok(ev)
 }
 
+/// The luminance that a PNG of `image` at automatic exposure shows as full white, cd m⁻².
+pub(super) fn white_of(image: &LinearImage) -> f64 {
+    REFERENCE_LUMINANCE / auto_ev(image).exp2()
+}
+
 fn auto_ev(image: &LinearImage) -> f64 {
     let mut luminance: Vec<f64> =
         (0..image.pixels()).map(|p| image.luminance(p)).filter(|y| y.is_finite() && *y > 0.0).collect();

@@ -16,9 +16,11 @@ mod wave;
 
 pub use checkpoint::Checkpoint;
 pub use interpolate::{DiffuseField, Interpolator};
+pub(crate) use lobe::{lobe_weight, reflect, refract, sample_facet};
 pub(crate) use probe::Probe;
 pub use render::{LitScene, render, render_with_checkpoint};
 pub use settings::{Passes, SecondPassSettings, SecondPassStats};
+pub(crate) use wave::{NO_MEDIUM, inset, ray_offset};
 
 use crate::spectrum::Wavelengths;
 
