@@ -44,6 +44,7 @@
 mod atomic_file;
 pub mod colour;
 pub mod error;
+pub mod export;
 pub mod first_pass;
 pub mod geometry;
 pub mod material;

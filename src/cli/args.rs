@@ -23,6 +23,8 @@ pub enum Command {
     Reference(Reference),
     /// Tell how far two images of one view are apart
     Compare(Compare),
+    /// Write a scene for another renderer, to be checked by it
+    Export(Export),
     /// Measure illuminance and melanopic EDI at the sensors and grids of a scene
     Measure(Measure),
     /// Put the ray tracers side by side, with an exact judge on every disagreement
@@ -116,6 +118,28 @@ pub struct Reference {
     /// Write samples, rays, noise and time as JSON
     #[arg(long, value_name = "OUT.json")]
     pub report: Option<PathBuf>,
+}
+
+/// `export`
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Folder for scene.xml (Mitsuba 3, spectral variants) and its meshes; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Change the scene's materials first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// Camera of the scene file [default: its first]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height of the image in pixels [default: the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Samples a pixel that the other renderer is asked for
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: u32,
 }
 
 /// `compare`

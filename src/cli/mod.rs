@@ -4,6 +4,7 @@ pub mod args;
 mod bench;
 mod compare;
 mod crosscheck;
+mod export;
 mod info;
 mod measure;
 mod progress;
@@ -23,6 +24,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Render(args) => with_threads(args.options.lighting.threads, || render::run(&args)),
         Command::Relight(args) => with_threads(args.options.lighting.threads, || relight::run(&args)),
         Command::Reference(args) => with_threads(args.threads, || reference::run(&args)),
+        Command::Export(args) => export::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Measure(args) => with_threads(args.lighting.threads, || measure::run(&args)),
         Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),

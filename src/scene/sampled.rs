@@ -38,7 +38,7 @@ impl Appearance {
         wavelengths: &Wavelengths,
         fresnel_entries: usize,
     ) -> SampledAppearance {
-        let areas = self.areas(geometry);
+        let areas = self.emitting_areas(geometry);
         let wavelengths = wavelengths.under(&self.light(geometry, &areas));
         SampledAppearance {
             materials: (self.materials.iter().zip(areas))
@@ -53,7 +53,7 @@ impl Appearance {
     }
 
     /// By material: the area of all surfaces that wear it, m², both sides of those that are two-sided.
-    fn areas(&self, geometry: &Geometry) -> Vec<f64> {
+    pub fn emitting_areas(&self, geometry: &Geometry) -> Vec<f64> {
         let mut areas = vec![0.0; self.materials.len()];
         for ((surface, two_sided), material) in
             geometry.surfaces.iter().zip(&geometry.two_sided).zip(&self.surface_material)

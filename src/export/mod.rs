@@ -1,0 +1,4 @@
+//! Scenes for renderers that we did not write.
+
+pub mod mitsuba;
+mod ply;
