@@ -40,7 +40,8 @@ pub(super) struct Places {
 }
 
 impl Places {
-    const NONE: Places = Places { x: [0.0; SIDE], y: [0.0; SIDE], z: [0.0; SIDE], count: 0 };
+    /// No point.
+    pub const NONE: Places = Places { x: [0.0; SIDE], y: [0.0; SIDE], z: [0.0; SIDE], count: 0 };
 
     /// Takes the first [`SIDE`] of `places`.
     pub fn set(&mut self, places: impl Iterator<Item = DVec3>) {
@@ -108,8 +109,8 @@ pub(super) fn span(first: usize, end: usize) -> Bits {
 }
 
 /// Where the points of one side lie against a blocker.
-#[derive(Debug)]
-struct Against {
+#[derive(Clone, Debug)]
+pub(super) struct Against {
     /// r_k, 32 points a word.
     ratio: [[[f32; 32]; WORDS]; 4],
     /// |d|, m.
@@ -139,6 +140,17 @@ impl Against {
         bounds: [[Bounds { lo: [0.0; 4], hi: [0.0; 4], nearness: 0.0 }; WORDS]; 2],
     };
 
+    /// Where the `usable` points of `places` lie against `blocker`.
+    pub fn new(places: &Places, usable: &Bits, blocker: &Blocker) -> Against {
+        wide(Set { places, usable, blocker })
+    }
+
+    /// Whether the blocker's plane parts some of these points from some of the `others`.
+    pub fn is_parted_from(&self, others: &Against) -> bool {
+        let any = |bits: &Bits| *bits != [0; WORDS];
+        (0..2).any(|side| any(&self.sides[side]) && any(&others.sides[1 - side]))
+    }
+
     /// Computes all for `places`, of which only `usable` count.
     #[inline(always)]
     fn set(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
@@ -146,6 +158,10 @@ impl Against {
         let usable = only_first(*usable, places.count);
         let ([(n, c), edges @ ..], Places { x, y, z, .. }) = (blocker.planes(), places);
         for w in 0..places.words() {
+            if usable[w] == 0 {
+                (self.sides[0][w], self.sides[1][w]) = (0, 0);
+                continue;
+            }
             let (mut front, mut back, mut far) = (0, 0, 0);
             for (lane, bit) in LANES.iter().enumerate() {
                 let i = 32 * w + lane;
@@ -202,6 +218,24 @@ impl Against {
     }
 }
 
+/// See [`Against::new`].
+struct Set<'a> {
+    places: &'a Places,
+    usable: &'a Bits,
+    blocker: &'a Blocker,
+}
+
+impl HotLoop for Set<'_> {
+    type Output = Against;
+
+    #[inline(always)]
+    fn run(self) -> Against {
+        let mut against = Against::NONE;
+        against.set(self.places, self.usable, self.blocker);
+        against
+    }
+}
+
 /// Pairs that one blocker was the first to hide.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hidden {
@@ -250,6 +284,11 @@ impl Block {
         self.tested[rows].fill([0; WORDS]);
     }
 
+    /// How many points are on its two sides.
+    pub fn points(&self) -> usize {
+        self.rows.count + self.columns.count
+    }
+
     /// How many pairs are open.
     pub fn count_open(&self) -> u64 {
         self.open[..self.rows.count].iter().map(count).sum()
@@ -259,6 +298,13 @@ impl Block {
     /// longer than `length`. Only the `rows` and `columns` given count.
     pub fn test(&mut self, blocker: &Blocker, length: f64, rows: &Bits, columns: &Bits) -> Hidden {
         wide(Test { block: self, blocker, length, rows, columns })
+    }
+
+    /// [`Block::test`] where it is known how the rows and columns lie against the blocker.
+    pub fn test_known(&mut self, blocker: &Blocker, length: f64, [from, to]: [&Against; 2]) -> Hidden {
+        let words = [self.rows.words(), self.columns.words()];
+        let Block { open, unsure, tested, .. } = self;
+        wide(Close { open, unsure, tested, from, to, words, doubt: doubt(blocker, length) })
     }
 }
 
@@ -307,16 +353,41 @@ impl HotLoop for Test<'_> {
     fn run(self) -> Hidden {
         let Test { block, blocker, length, rows, columns } = self;
         let Block { open, unsure, tested, from, to, .. } = block;
-        let mut hidden = Hidden::default();
         from.set(&block.rows, rows, blocker);
-        let row_words = block.rows.words();
-        if (0..row_words).all(|w| from.sides[0][w] | from.sides[1][w] == 0) {
-            return hidden;
+        let words = [block.rows.words(), block.columns.words()];
+        if (0..words[0]).all(|w| from.sides[0][w] | from.sides[1][w] == 0) {
+            return Hidden::default();
         }
         to.set(&block.columns, columns, blocker);
-        // s_k above this is beyond doubt, and so is s_k below its opposite, m².
-        let bands = blocker.bands();
-        let doubt = ((bands.slack + bands.rounding) * length) as f32;
+        Close { open, unsure, tested, from, to, words, doubt: doubt(blocker, length) }.run()
+    }
+}
+
+/// s_k above this is beyond doubt, and so is s_k below its opposite, m².
+fn doubt(blocker: &Blocker, length: f64) -> f32 {
+    let bands = blocker.bands();
+    ((bands.slack + bands.rounding) * length) as f32
+}
+
+/// Closes the pairs that a blocker hides, given how the points lie against it.
+struct Close<'a> {
+    open: &'a mut [Bits; SIDE],
+    unsure: &'a mut [Bits; SIDE],
+    tested: &'a mut [Bits; SIDE],
+    from: &'a Against,
+    to: &'a Against,
+    /// Of the rows and of the columns.
+    words: [usize; 2],
+    doubt: f32,
+}
+
+impl HotLoop for Close<'_> {
+    type Output = Hidden;
+
+    #[inline(always)]
+    fn run(self) -> Hidden {
+        let Close { open, unsure, tested, from, to, words: [row_words, column_words], doubt } = self;
+        let mut hidden = Hidden::default();
         for side in 0..2 {
             for v in 0..row_words {
                 let members = from.sides[side][v];
@@ -324,7 +395,7 @@ impl HotLoop for Test<'_> {
                     continue;
                 }
                 let near = from.bounds[side][v];
-                for w in 0..block.columns.words() {
+                for w in 0..column_words {
                     let opposite = to.sides[1 - side][w];
                     if opposite == 0 {
                         continue;

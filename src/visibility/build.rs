@@ -9,7 +9,7 @@ use super::patch::Patch;
 use super::stats::GraphStats;
 use super::tile::{PairWork, VoxelPair};
 use crate::error::{Error, Result};
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Surface};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
@@ -43,6 +43,7 @@ pub(super) struct Build<'a> {
     pub tracer: &'a dyn RayTracer,
     pub settings: &'a GraphSettings,
     pub bands: Bands,
+    pub surfaces: &'a [Surface],
     /// By surface.
     pub blockers: Vec<Blocker>,
     pub tree: BlockerTree,
@@ -84,6 +85,26 @@ impl VisibilityGraph {
     ) -> Result<VisibilityGraph> {
         let start = Instant::now();
         check(geometry, points)?;
+        let build = Build::new(geometry, points, tracer, settings);
+        let n = points.len() as u64;
+        observer.begin("visibility graph", n * n.saturating_sub(1) / 2);
+        let graph = build.edges(observer, |block, a, b| PairWork::decide(&build, block, a, b));
+        observer.end();
+        let mut graph = graph?;
+        graph.look_at_lights(geometry, points, tracer);
+        graph.stats.build_s = start.elapsed().as_secs_f64();
+        Ok(graph)
+    }
+}
+
+impl<'a> Build<'a> {
+    /// Prepares what all threads share.
+    pub fn new(
+        geometry: &'a Geometry,
+        points: &'a SamplePoints,
+        tracer: &'a dyn RayTracer,
+        settings: &'a GraphSettings,
+    ) -> Self {
         let bands = Bands::new(geometry);
         let blockers: Vec<Blocker> = geometry.surfaces.iter().map(|s| Blocker::new(s, &bands)).collect();
         let patches = Patch::all(geometry, points);
@@ -93,6 +114,7 @@ impl VisibilityGraph {
             tracer,
             settings,
             bands,
+            surfaces: &geometry.surfaces,
             tree: BlockerTree::new(&blockers),
             blockers,
             boxes: (0..points.voxels()).map(around).collect(),
@@ -101,20 +123,15 @@ impl VisibilityGraph {
         };
 
         build.under = lies_under(&build, &geometry.surfaces, &geometry.two_sided, geometry.radius);
-        let n = points.len() as u64;
-        observer.begin("visibility graph", n * n.saturating_sub(1) / 2);
-        let graph = build.edges(observer);
-        observer.end();
-        let mut graph = graph?;
-        graph.look_at_lights(geometry, points, tracer);
-        graph.stats.build_s = start.elapsed().as_secs_f64();
-        Ok(graph)
+        build
     }
-}
 
-impl Build<'_> {
-    /// Decides all edges, in their order, a chunk at a time.
-    fn edges(&self, observer: &dyn Observer) -> Result<VisibilityGraph> {
+    /// Decides all edges, in their order, a chunk at a time; `decide` does the one between two voxels `a <= b`.
+    pub fn edges(
+        &self,
+        observer: &dyn Observer,
+        decide: impl Fn(&mut Block, usize, usize) -> VoxelPair + Sync,
+    ) -> Result<VisibilityGraph> {
         let voxels = self.points.voxels();
         let mut graph = VisibilityGraph {
             starts: self.points.voxel_starts.clone(),
@@ -135,7 +152,7 @@ impl Build<'_> {
             let decided: Vec<VoxelPair> = chunk
                 .par_iter()
                 .map_init(Block::new, |block, &(a, b)| {
-                    let pair = PairWork::decide(self, block, a, b);
+                    let pair = decide(block, a, b);
                     observer.advance(pair.stats.pairs);
                     pair
                 })
@@ -157,27 +174,30 @@ impl VisibilityGraph {
         }
         self.stats.add_pairs(&pair.stats);
         self.stats.seen += pair.seen;
-        let edge = if pair.seen == 0 {
-            self.stats.hidden_edges += 1;
-            Edge::Hidden
-        } else if pair.seen == pair.facing {
-            self.stats.visible_edges += 1;
-            Edge::Visible
-        } else {
-            self.stats.partial_edges += 1;
-            self.stats.pairs_stored += pair.stats.pairs;
-            self.words.try_reserve(pair.words.len()).map_err(|_| ())?;
-            let first = self.words.len() as u64;
-            self.words.extend_from_slice(&pair.words);
-            Edge::Partial(first)
+        let mut edge = match pair.copied {
+            Some(edge) => edge,
+            None if pair.seen == 0 => Edge::Hidden,
+            None if pair.seen == pair.facing => Edge::Visible,
+            None => Edge::Partial(0),
         };
+        match &mut edge {
+            Edge::Hidden => self.stats.hidden_edges += 1,
+            Edge::Visible => self.stats.visible_edges += 1,
+            Edge::Partial(first) => {
+                self.stats.partial_edges += 1;
+                self.stats.pairs_stored += pair.stats.pairs;
+                self.words.try_reserve(pair.words.len()).map_err(|_| ())?;
+                *first = self.words.len() as u64;
+                self.words.extend_from_slice(&pair.words);
+            }
+        }
         self.edges.push(edge);
         Ok(())
     }
 }
 
 /// Refuses points that cannot have been sampled from `geometry`.
-fn check(geometry: &Geometry, points: &SamplePoints) -> Result<()> {
+pub(super) fn check(geometry: &Geometry, points: &SamplePoints) -> Result<()> {
     let n = points.len();
     let ends = [points.voxel_starts.first(), points.voxel_starts.last()];
     let same_geometry = points.surface.len() == n

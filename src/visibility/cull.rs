@@ -166,7 +166,7 @@ impl BoxShaft {
         })
     }
 
-    fn meets(&self, of: &Aabb, slack: f64) -> bool {
+    pub fn meets(&self, of: &Aabb, slack: f64) -> bool {
         let slack3 = DVec3::splat(slack);
         of.min.cmple(self.hull.max + slack3).all()
             && of.max.cmpge(self.hull.min - slack3).all()

@@ -149,7 +149,7 @@ impl VisibilityGraph {
     }
 
     /// The voxel that holds point `i`.
-    fn voxel_of(&self, i: usize) -> usize {
+    pub(super) fn voxel_of(&self, i: usize) -> usize {
         self.starts.partition_point(|&s| s as usize <= i) - 1
     }
 

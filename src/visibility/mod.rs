@@ -12,6 +12,7 @@ mod cull;
 pub mod file;
 mod flat;
 mod graph;
+mod kept;
 mod lights;
 mod pairs;
 mod patch;
@@ -19,6 +20,7 @@ mod round;
 mod stats;
 mod tile;
 mod transpose;
+mod update;
 
 pub use build::GraphSettings;
 pub use graph::{Edge, Tile, VisibilityGraph};

@@ -2,10 +2,12 @@
 //! candidates, or the paper's way.
 
 use super::block::{Bits, Hidden, SIDE, WORDS, count, span};
+use super::build::Build;
 use super::patch::Patch;
 use super::tile::{Flank, PairWork, Tile, pays};
-use crate::geometry::SurfaceId;
+use crate::geometry::{Aabb, SurfaceId};
 use crate::tracers::Segment;
+use crate::tracers::brute_force::{intersect_surface, segment_ray};
 use std::ops::Range;
 
 /// Segments are handed to the tracer in batches of about this many.
@@ -14,10 +16,52 @@ const BATCH: usize = 4096;
 /// A tile with fewer pairs left than this is cast without asking for its blocker first.
 const WORTH_A_PROBE: usize = 16;
 
+/// Segments lower over their ends' surfaces than this, as a fraction of their length, may meet these for a tracer: its
+/// rounding, some 1e-7 of the radius, lifts them by as much within their margin of 3.8e-6.
+const FLAT: f32 = 0.03;
+
 /// All points of a side.
 const ALL: Bits = [u32::MAX; WORDS];
 
+impl Build<'_> {
+    /// The patches with points in `side`, and which of its points these are.
+    pub fn members(&self, side: &Range<usize>) -> Vec<(Bits, &Patch)> {
+        let within = |of: &Patch| {
+            let part = of.points.start.max(side.start)..of.points.end.min(side.end);
+            span(part.start - side.start, part.end - side.start)
+        };
+        self.patches_between(side).iter().map(|patch| (within(patch), patch)).collect()
+    }
+
+    fn segment(&self, i: usize, j: usize) -> Segment {
+        let position = &self.points.position;
+        Segment { from: position[i], to: position[j] }
+    }
+
+    /// Whether one of `surfaces` hides facing points `i` and `j` from each other, in `f64`: the answer that tests and
+    /// tracers come to wherever it is not too close to call.
+    pub fn hides(&self, surfaces: &[u32], i: usize, j: usize) -> bool {
+        let ray = segment_ray(&self.segment(i, j));
+        let own = [self.points.surface[i], self.points.surface[j]];
+        let ends = [i, j].map(|i| self.points.position[i].as_dvec3());
+        surfaces.iter().any(|&c| {
+            let (surface, blocker) = (&self.surfaces[c as usize], &self.blockers[c as usize]);
+            let harmless = surface.is_planar() && own.contains(&SurfaceId(c));
+            let ([(normal, offset), ..], slack) = (blocker.planes(), blocker.bands().slack);
+            let [a, b] = ends.map(|p| normal.dot(p) - offset);
+            let aside = blocker.round().is_none() && (a.min(b) > slack || a.max(b) < -slack);
+            !harmless && !aside && intersect_surface(&ray, surface).is_some()
+        })
+    }
+}
+
 impl PairWork<'_> {
+    /// Opens `pairs` of the first `rows` rows of the block and no others.
+    pub fn reopen(&mut self, pairs: &[Bits; SIDE], rows: usize) {
+        self.block.clear();
+        self.block.open[..rows].copy_from_slice(&pairs[..rows]);
+    }
+
     /// Makes the pairs of `rows` and `columns` those of the block; none is open. `columns` begin with a word.
     fn begin(&mut self, rows: Range<usize>, columns: Range<usize>) {
         let places = |of: &Range<usize>| {
@@ -50,8 +94,7 @@ impl PairWork<'_> {
         }
     }
 
-    /// Tests every candidate of the tile, the last blocker first, and casts only the rays that
-    /// pass one too close to call.
+    /// Tests every candidate of the tile, the last blocker first.
     pub fn test_tile(&mut self, tile: Tile) {
         self.begin_tile(&tile);
         let all = tile.pairs() as u64;
@@ -67,23 +110,44 @@ impl PairWork<'_> {
         candidates: Range<usize>,
         length: f64,
     ) {
+        let (first, second) = (self.build.members(&rows), self.build.members(&columns));
+        self.open_facing(rows, columns, &first, &second);
+        let open = self.block.count_open();
+        if pays(candidates.len(), self.block.points(), open) {
+            self.test_open(candidates, length, &first, &second);
+        } else {
+            self.push_open();
+        }
+    }
+
+    /// Decides the open pairs of the block one by one.
+    pub fn settle_open(&mut self, candidates: Range<usize>) {
+        let [row, column] = self.place;
+        for r in 0..self.block.rows.count {
+            for c in set(&self.block.open[r]) {
+                self.settle(candidates.clone(), row + r, column + c);
+            }
+        }
+    }
+
+    /// Decides whether points `i` and `j` see each other past the `candidates`.
+    fn settle(&mut self, candidates: Range<usize>, i: usize, j: usize) {
+        self.result.stats.direct += 1;
+        if !self.build.hides(&self.open[candidates], i, j) {
+            self.see_points(i, j);
+        }
+    }
+
+    /// Decides the open pairs of the block by tests.
+    pub fn test_open(
+        &mut self,
+        candidates: Range<usize>,
+        length: f64,
+        first: &[(Bits, &Patch)],
+        second: &[(Bits, &Patch)],
+    ) {
         let build = self.build;
-        let members = |side: &Range<usize>| -> Vec<(Bits, &Patch)> {
-            let within = |of: &Patch| {
-                let part = of.points.start.max(side.start)..of.points.end.min(side.end);
-                span(part.start - side.start, part.end - side.start)
-            };
-            build.patches_between(side).iter().map(|patch| (within(patch), patch)).collect()
-        };
-        let (first, second) = (members(&rows), members(&columns));
-        let points = rows.len() + columns.len();
-        let open = self.open_facing(rows, columns, &first, &second);
-        if open == 0 {
-            return;
-        }
-        if !pays(candidates.len(), points, open) {
-            return self.push_open();
-        }
+        let open = self.block.count_open();
         // A surface cannot hide what is in front of it, nor block from behind what faces away.
         let reached = |c: u32, patches: &[(Bits, &Patch)]| {
             let mut bits = [0; WORDS];
@@ -92,18 +156,18 @@ impl PairWork<'_> {
             }
             (bits != [0; WORDS]).then_some(bits)
         };
-        self.test_candidates(candidates, length, open, |c| Some((reached(c, &first)?, reached(c, &second)?)));
+        self.test_candidates(candidates, length, open, |c| Some((reached(c, first)?, reached(c, second)?)));
     }
 
     /// Makes the pairs of `rows` and `columns` that face each other the open ones of the block, given the patches on
-    /// either side and their points, and counts the others. Returns how many are open.
-    fn open_facing(
+    /// either side and their points, and counts the others.
+    pub fn open_facing(
         &mut self,
         rows: Range<usize>,
         columns: Range<usize>,
         first: &[(Bits, &Patch)],
         second: &[(Bits, &Patch)],
-    ) -> u64 {
+    ) {
         let build = self.build;
         self.begin(rows.clone(), columns.clone());
         let under = |side: &Range<usize>| {
@@ -150,11 +214,10 @@ impl PairWork<'_> {
         stats.not_facing += all - same_surface - facing;
         stats.proved += facing - open;
         self.result.facing += facing;
-        open
     }
 
     /// Leaves the open pairs of the block to the tracer.
-    fn push_open(&mut self) {
+    pub fn push_open(&mut self) {
         let [row, column] = self.place;
         for r in 0..self.block.rows.count {
             for c in set(&self.block.open[r]) {
@@ -178,7 +241,7 @@ impl PairWork<'_> {
         let is_round = |c: u32| self.build.blockers[c as usize].round().is_some();
         let round = self.open[candidates.clone()].iter().any(|&c| is_round(c));
         let mut left = open;
-        for k in candidates {
+        for k in candidates.clone() {
             let c = self.open[k];
             if is_round(c) {
                 continue;
@@ -202,17 +265,21 @@ impl PairWork<'_> {
         }
         let [row, column] = self.place;
         for r in 0..self.block.rows.count {
-            // Past the polygons, but a disc or a sphere may be in the way.
-            let (open, unsure) = (self.block.open[r], if round { ALL } else { self.block.unsure[r] });
-            let tested = self.block.tested[r];
-            let seen: Bits = std::array::from_fn(|w| open[w] & !unsure[w]);
-            let direct = (0..WORDS).map(|w| u64::from((seen[w] & tested[w]).count_ones())).sum::<u64>();
-            self.result.stats.direct += direct;
-            self.result.stats.proved += count(&seen) - direct;
-            self.see_words(row + r, column, &seen);
+            let (open, unsure, tested) = (self.block.open[r], self.block.unsure[r], self.block.tested[r]);
+            // Too close to call for all at once.
             for c in set(&std::array::from_fn(|w| open[w] & unsure[w])) {
-                self.push(row + r, column + c);
+                self.settle(candidates.clone(), row + r, column + c);
             }
+            let past: Bits = std::array::from_fn(|w| open[w] & !unsure[w]);
+            if round {
+                // Past the polygons, but a disc or a sphere may be in the way.
+                set(&past).for_each(|c| self.push(row + r, column + c));
+                continue;
+            }
+            let direct = (0..WORDS).map(|w| u64::from((past[w] & tested[w]).count_ones())).sum::<u64>();
+            self.result.stats.direct += direct;
+            self.result.stats.proved += count(&past) - direct;
+            self.see_words(row + r, column, &past);
         }
     }
 
@@ -258,8 +325,28 @@ impl PairWork<'_> {
     }
 
     fn segment(&self, i: usize, j: usize) -> Segment {
-        let position = &self.build.points.position;
-        Segment { from: position[i], to: position[j] }
+        self.build.segment(i, j)
+    }
+
+    /// Whether nothing but the planar surface that one of two facing points lies on hides them from each other for the
+    /// tracer, which rounding may make it do beyond the margin where the segment is flat on that surface.
+    fn is_flat_on_its_own(&self, i: usize, j: usize) -> bool {
+        let points = self.build.points;
+        let along = points.position[j] - points.position[i];
+        let height = points.normal[i].dot(along).min(-points.normal[j].dot(along));
+        if height > FLAT * along.length() {
+            return false;
+        }
+        match self.build.tracer.blocker(&self.segment(i, j)) {
+            None => true,
+            Some(c) if c != points.surface[i] && c != points.surface[j] => false,
+            Some(_) => {
+                let at = |i: usize| Aabb::around([points.position[i].as_dvec3()]);
+                let mut near = Vec::new();
+                self.build.tree.candidates(&self.build.blockers, &at(i), &at(j), &mut near);
+                !self.build.hides(&near, i, j)
+            }
+        }
     }
 
     /// Leaves points `i` and `j` to the tracer.
@@ -281,9 +368,9 @@ impl PairWork<'_> {
         self.build.tracer.occluded_batch(&self.segments, &mut self.blocked);
         self.result.stats.rays_cast += self.segments.len() as u64;
         for k in 0..self.targets.len() {
-            if !self.blocked[k] {
-                let [i, j] = self.targets[k];
-                self.see_points(i as usize, j as usize);
+            let [i, j] = self.targets[k].map(|p| p as usize);
+            if !self.blocked[k] || self.is_flat_on_its_own(i, j) {
+                self.see_points(i, j);
             }
         }
         self.segments.clear();
@@ -292,7 +379,7 @@ impl PairWork<'_> {
 }
 
 /// The numbers of the bits that are set.
-fn set(bits: &Bits) -> impl Iterator<Item = usize> + use<> {
+pub(super) fn set(bits: &Bits) -> impl Iterator<Item = usize> + use<> {
     let bits = *bits;
     bits.into_iter().enumerate().flat_map(|(w, mut left)| {
         std::iter::from_fn(move || {

@@ -31,8 +31,12 @@ pub struct GraphStats {
     pub direct: u64,
     /// Facing pairs for which a ray was cast.
     pub rays_cast: u64,
-    /// Facing pairs that see each other.
+    /// Facing pairs that see each other, but in an update those of edges that were copied whole.
     pub seen: u64,
+    /// In an update: pairs whose answer was copied, all of those in edges that were copied whole included,
+    pub copied: u64,
+    /// and those decided by tests against what came or went alone.
+    pub retested: u64,
     /// Wall time of the build, s.
     pub build_s: f64,
 }
@@ -52,5 +56,7 @@ impl GraphStats {
         self.last_blocker += other.last_blocker;
         self.direct += other.direct;
         self.rays_cast += other.rays_cast;
+        self.copied += other.copied;
+        self.retested += other.retested;
     }
 }

@@ -8,10 +8,10 @@
 //! proofs may still decide a part of it; what is left is decided pair by pair.
 
 use super::block::{Bits, Block, SIDE, WORDS, count};
-use super::blocker::Verdict;
+use super::blocker::{Blocker, Verdict};
 use super::build::{Build, GraphSettings};
 use super::cull::{BoxShaft, misses_shaft};
-use super::graph::stride_of;
+use super::graph::{Edge, stride_of};
 use super::patch::Patch;
 use super::stats::GraphStats;
 use super::transpose::transpose;
@@ -43,6 +43,8 @@ pub(super) struct VoxelPair {
     pub seen: u64,
     /// How they were decided.
     pub stats: GraphStats,
+    /// The edge, if it was copied with its bits from another graph, and how many facing pairs there are was not asked.
+    pub copied: Option<Edge>,
 }
 
 /// One side of a tile: the points of a patch that are in front of the other's plane.
@@ -92,7 +94,8 @@ impl Tile {
 pub(super) struct PairWork<'a> {
     /// What all threads share.
     pub build: &'a Build<'a>,
-    rows: Range<usize>,
+    /// Points of the first voxel.
+    pub rows: Range<usize>,
     /// Points of the second voxel.
     pub columns: Range<usize>,
     /// What is known so far.
@@ -119,15 +122,13 @@ pub(super) struct PairWork<'a> {
 }
 
 impl<'a> PairWork<'a> {
-    /// Decides all pairs of the points of voxels `a <= b`.
-    pub fn decide(build: &'a Build<'a>, block: &'a mut Block, a: usize, b: usize) -> VoxelPair {
-        let (rows, columns) = (build.points.voxel(a), build.points.voxel(b));
-        let result = VoxelPair::default();
-        let mut work = PairWork {
+    /// Nothing is known yet of the points of voxels `a <= b`.
+    pub fn new(build: &'a Build<'a>, block: &'a mut Block, a: usize, b: usize) -> Self {
+        PairWork {
             build,
-            rows,
-            columns,
-            result,
+            rows: build.points.voxel(a),
+            columns: build.points.voxel(b),
+            result: VoxelPair::default(),
             open: Vec::new(),
             last_blocker: None,
             from: Flank::default(),
@@ -137,7 +138,12 @@ impl<'a> PairWork<'a> {
             segments: Vec::new(),
             targets: Vec::new(),
             blocked: Vec::new(),
-        };
+        }
+    }
+
+    /// Decides all pairs of the points of voxels `a <= b`.
+    pub fn decide(build: &'a Build<'a>, block: &'a mut Block, a: usize, b: usize) -> VoxelPair {
+        let mut work = PairWork::new(build, block, a, b);
         if work.rows.is_empty() || work.columns.is_empty() {
             return work.result;
         }
@@ -166,7 +172,7 @@ impl<'a> PairWork<'a> {
     }
 
     /// Counts the pairs of two voxels that do not face each other.
-    fn pass_over(&mut self) {
+    pub fn pass_over(&mut self) {
         let on = |points: &Range<usize>| {
             let mut counts: Vec<(SurfaceId, u64)> = Vec::new();
             for patch in self.build.patches_between(points) {
@@ -193,19 +199,37 @@ impl<'a> PairWork<'a> {
     }
 
     /// Decides the pairs of some points of either voxel.
-    fn block(&mut self, rows: Range<usize>, columns: Range<usize>) {
+    pub fn block(&mut self, rows: Range<usize>, columns: Range<usize>) {
         let build = self.build;
-        let around =
-            |of: &Range<usize>| Aabb::around(build.points.position[of.clone()].iter().map(|p| p.as_dvec3()));
-        let (a, b) = (around(&rows), around(&columns));
-        let shaft = BoxShaft::new(&a, &b);
-        let curved = |of: &Range<usize>| build.patches_between(of).iter().any(|patch| patch.curved);
-        let flat = !curved(&rows) && !curved(&columns);
+        let all = self.open.len();
+        let (a, b) = (build.around(&rows), build.around(&columns));
+        let flat = build.is_flat(&rows) && build.is_flat(&columns);
+        self.open_candidates(&rows, &columns, [&a, &b], flat);
+        let candidates = all..self.open.len();
+        if flat {
+            self.decide_block(rows, columns, candidates, a.union(b).size().length());
+        } else {
+            self.patch_by_patch(&rows, &columns, candidates);
+        }
+        self.open.truncate(all);
+    }
+
+    /// Adds to the stack those of its surfaces that may block between some points of either voxel, given the boxes around
+    /// them; where the pairs are `flat`, no more than pay.
+    pub fn open_candidates(
+        &mut self,
+        rows: &Range<usize>,
+        columns: &Range<usize>,
+        [a, b]: [&Aabb; 2],
+        flat: bool,
+    ) {
+        let build = self.build;
+        let shaft = BoxShaft::new(a, b);
         let all = self.open.len();
         for k in 0..all {
             let c = self.open[k];
             let blocker = &build.blockers[c as usize];
-            if blocker.may_separate(&a, &b) && !shaft.misses(blocker) {
+            if blocker.may_separate(a, b) && !shaft.misses(blocker) {
                 self.open.push(c);
                 let pairs = (rows.len() * columns.len()) as u64;
                 if flat && !pays(self.open.len() - all, rows.len() + columns.len(), pairs) {
@@ -214,13 +238,6 @@ impl<'a> PairWork<'a> {
                 }
             }
         }
-        let candidates = all..self.open.len();
-        if flat {
-            self.decide_block(rows, columns, candidates, a.union(b).size().length());
-        } else {
-            self.patch_by_patch(&rows, &columns, candidates);
-        }
-        self.open.truncate(all);
     }
 
     /// Decides the pairs of some points of either voxel, patch by patch.
@@ -364,7 +381,7 @@ impl<'a> PairWork<'a> {
     }
 
     /// Sight is mutual: what the rows of a voxel with itself say of their columns, the columns say of the rows.
-    fn mirror(&mut self) {
+    pub fn mirror(&mut self) {
         let mut turned = Vec::new();
         let n = if self.result.words.is_empty() { 0 } else { self.rows.len() };
         transpose(&self.result.words, n, n, &mut turned);
@@ -373,6 +390,16 @@ impl<'a> PairWork<'a> {
 }
 
 impl Build<'_> {
+    /// The box around some points.
+    pub fn around(&self, points: &Range<usize>) -> Aabb {
+        Aabb::around(self.points.position[points.clone()].iter().map(|p| p.as_dvec3()))
+    }
+
+    /// Whether none of some points of one voxel lies on a curved surface.
+    pub fn is_flat(&self, points: &Range<usize>) -> bool {
+        !self.patches_between(points).iter().any(|patch| patch.curved)
+    }
+
     /// The points of patch `of` that lie in front of the plane of `other`, but for those that something lies
     /// flat upon. Returns how many there are with those.
     fn in_front(&self, flank: &mut Flank, of: &Patch, other: &Patch) -> u64 {
@@ -396,7 +423,7 @@ impl Build<'_> {
     /// under every plane of the other. Half the band, so that rounding cannot deny what a single pair would show.
     pub fn nothing_faces(&self, rows: &Range<usize>, columns: &Range<usize>) -> bool {
         let blind = |of: &Range<usize>, to: &Range<usize>| {
-            let bounds = Aabb::around(self.points.position[to.clone()].iter().map(|p| p.as_dvec3()));
+            let bounds = self.around(to);
             let mut last = None;
             self.patches_between(of).iter().all(|patch| {
                 let sheet = (patch.surface, patch.plane.normal);
@@ -419,9 +446,13 @@ impl Build<'_> {
 
     /// Whether surface `c` has anything in front of patch `of`, so that it can hide something from it.
     pub fn is_in_front(&self, c: u32, of: &Patch) -> bool {
-        let blocker = &self.blockers[c as usize];
+        c != of.surface.0 && self.has_before(&self.blockers[c as usize], of)
+    }
+
+    /// The same of any surface but the patch's own.
+    pub fn has_before(&self, blocker: &Blocker, of: &Patch) -> bool {
         let in_front = |v: &DVec3| of.plane.height(*v) > self.bands.apart;
-        c != of.surface.0 && (blocker.round().is_some() || blocker.vertices().iter().any(in_front))
+        blocker.round().is_some() || blocker.vertices().iter().any(in_front)
     }
 }
 
@@ -432,7 +463,7 @@ pub(super) fn pays(candidates: usize, points: usize, pairs: u64) -> bool {
 }
 
 /// A voxel's points cut into parts of the same number of words, none of more than [`SIDE`] points.
-fn blocks(points: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
+pub(super) fn blocks(points: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
     let parts = points.len().div_ceil(SIDE).max(1);
     let size = points.len().div_ceil(parts).next_multiple_of(32).max(32);
     let end = points.end;
