@@ -289,6 +289,16 @@ impl Block {
         self.rows.count + self.columns.count
     }
 
+    /// The rows, and the columns, that an open pair is in.
+    pub fn open_sides(&self) -> (Bits, Bits) {
+        let (mut rows, mut columns) = ([0; WORDS], [0; WORDS]);
+        for (r, open) in self.open[..self.rows.count].iter().enumerate() {
+            rows[r / 32] |= u32::from(*open != [0; WORDS]) << (r % 32);
+            columns = std::array::from_fn(|w| columns[w] | open[w]);
+        }
+        (rows, columns)
+    }
+
     /// How many pairs are open.
     pub fn count_open(&self) -> u64 {
         self.open[..self.rows.count].iter().map(count).sum()

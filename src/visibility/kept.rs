@@ -116,10 +116,12 @@ impl Kept {
                     let row = first as usize + r * stride;
                     bits_from(&graph.words[row..row + stride], run.from as usize)
                 }
-                Edge::Partial(_) => {
-                    let j = graph.voxel(b).start + run.from as usize;
-                    (0..run.count as usize)
-                        .fold(0, |bits, k| bits | u128::from(graph.unblocked(i, j + k)) << k)
+                // The tile lies the other way round.
+                Edge::Partial(first) => {
+                    let stride = stride_of(graph.voxel(a).len());
+                    let word = |k: u32| first as usize + (run.from + k) as usize * stride + r / 32;
+                    let bit = |k: u32| u128::from(graph.words[word(k)] >> (r % 32) & 1) << k;
+                    (0..run.count).map(bit).fold(0, |bits, bit| bits | bit)
                 }
             };
             bits |= (part & u128::MAX >> (128 - run.count)) << run.at;

@@ -148,15 +148,17 @@ impl PairWork<'_> {
     ) {
         let build = self.build;
         let open = self.block.count_open();
+        let (rows, columns) = self.block.open_sides();
         // A surface cannot hide what is in front of it, nor block from behind what faces away.
-        let reached = |c: u32, patches: &[(Bits, &Patch)]| {
+        let reached = |c: u32, patches: &[(Bits, &Patch)], open: &Bits| {
             let mut bits = [0; WORDS];
             for (members, _) in patches.iter().filter(|(_, patch)| build.is_in_front(c, patch)) {
-                bits = std::array::from_fn(|w| bits[w] | members[w]);
+                bits = std::array::from_fn(|w| bits[w] | members[w] & open[w]);
             }
             (bits != [0; WORDS]).then_some(bits)
         };
-        self.test_candidates(candidates, length, open, |c| Some((reached(c, first)?, reached(c, second)?)));
+        let reach = |c: u32| Some((reached(c, first, &rows)?, reached(c, second, &columns)?));
+        self.test_candidates(candidates, length, open, reach);
     }
 
     /// Makes the pairs of `rows` and `columns` that face each other the open ones of the block, given the patches on

@@ -223,6 +223,14 @@ impl<'a> PairWork<'a> {
         [a, b]: [&Aabb; 2],
         flat: bool,
     ) {
+        let (points, pairs) = (rows.len() + columns.len(), (rows.len() * columns.len()) as u64);
+        // More than this are too many to be tested, whichever they are.
+        let most = if flat { POINTS_FOR_A_RAY * pairs / points as u64 } else { u64::MAX };
+        self.open_between([a, b], most as usize);
+    }
+
+    /// Adds to the stack those of its surfaces that may block between two boxes, until there are more than `most`.
+    pub fn open_between(&mut self, [a, b]: [&Aabb; 2], most: usize) {
         let build = self.build;
         let shaft = BoxShaft::new(a, b);
         let all = self.open.len();
@@ -231,9 +239,7 @@ impl<'a> PairWork<'a> {
             let blocker = &build.blockers[c as usize];
             if blocker.may_separate(a, b) && !shaft.misses(blocker) {
                 self.open.push(c);
-                let pairs = (rows.len() * columns.len()) as u64;
-                if flat && !pays(self.open.len() - all, rows.len() + columns.len(), pairs) {
-                    // Too many to be tested, whichever the others are.
+                if self.open.len() - all > most {
                     break;
                 }
             }

@@ -14,6 +14,7 @@ use super::cull::BoxShaft;
 use super::graph::{Edge, VisibilityGraph, stride_of};
 use super::kept::{Kept, Run};
 use super::pairs::set;
+use super::patch::Patch;
 use super::tile::{PairWork, VoxelPair, blocks, pays};
 use crate::error::Result;
 use crate::geometry::Aabb;
@@ -160,6 +161,9 @@ impl VisibilityGraph {
     }
 }
 
+/// The patches on one side of a block, each with the points of the side that lie on it.
+type Members<'a> = &'a [(Bits, &'a Patch)];
+
 impl<'a> Update<'a> {
     fn new(build: &'a Build<'a>, graph: &'a VisibilityGraph, kept: &'a Kept, before: &Geometry) -> Self {
         let (mut sides, mut first_side) = (Vec::new(), vec![0]);
@@ -279,16 +283,13 @@ impl<'a> Update<'a> {
         }
         let total = |bits: &[Bits]| bits.iter().map(count).sum::<u64>();
         let stayed = total(&seen[..rows]) + total(&hidden[..rows]);
-        let mut reopened = 0;
+        let mut reopened = [[0; WORDS]; SIDE];
         if gone && any[1] != 0 {
             work.reopen(&hidden, rows);
             self.gone.close(work.block, &self.sides, [first, second], &shaft, length);
             for r in 0..rows {
-                let was_by_it: Bits = std::array::from_fn(|w| {
-                    hidden[r][w] & (!work.block.open[r][w] | work.block.unsure[r][w])
-                });
-                reopened += count(&was_by_it);
-                (0..WORDS).for_each(|w| anew[r][w] |= was_by_it[w]);
+                let (open, unsure) = (work.block.open[r], work.block.unsure[r]);
+                reopened[r] = std::array::from_fn(|w| hidden[r][w] & (!open[w] | unsure[w]));
             }
         }
         if any[0] != 0 {
@@ -311,25 +312,59 @@ impl<'a> Update<'a> {
                 }
             }
         }
+        let settled = stayed - total(&reopened[..rows]);
         if gone || come {
-            work.result.stats.retested += stayed - reopened;
+            work.result.stats.retested += settled;
         } else {
-            work.result.stats.copied += stayed - reopened;
+            work.result.stats.copied += settled;
         }
-        if any[2] != 0 || reopened != 0 {
-            work.reopen(&anew, rows);
-            let all = work.open.len();
-            work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
-            let candidates = all..work.open.len();
-            // As if all facing pairs were to be decided: what is too close to call must not depend on the way.
-            if !pays(candidates.len(), work.block.points(), facing) {
-                work.push_open();
-            } else if work.block.count_open() <= FEW {
-                work.settle_open(candidates);
-            } else {
-                work.test_open(candidates, length, &on_a, &on_b);
+        // What is too close to call must not depend on the way: rays where a build from nothing would cast them.
+        let by_rays =
+            (any[2] != 0 || settled < stayed) && !pays(work.open.len(), work.block.points(), facing) && {
+                let all = work.open.len();
+                work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
+                let candidates = work.open.len() - all;
+                work.open.truncate(all);
+                !pays(candidates, work.block.points(), facing)
+            };
+        // New points are few and close together: so are the surfaces that can block between them and all others.
+        let is_new = |r: usize| a.stayed[r / 32] >> (r % 32) & 1 == 0;
+        for part in 0..3 {
+            let mut open = [[0; WORDS]; SIDE];
+            for r in 0..rows {
+                open[r] = match part {
+                    0 if is_new(r) => anew[r],
+                    1 if !is_new(r) => anew[r],
+                    2 => reopened[r],
+                    _ => [0; WORDS],
+                };
             }
-            work.open.truncate(all);
+            work.reopen(&open, rows);
+            if by_rays {
+                work.push_open();
+            } else if open[..rows].iter().any(|bits| *bits != [0; WORDS]) {
+                self.decide(work, [a, b], (&on_a, &on_b));
+            }
         }
+    }
+
+    /// Decides the open pairs of a block by what can block between the points that they join.
+    fn decide(&self, work: &mut PairWork, sides: [&Side; 2], on: (Members, Members)) {
+        let (rows, columns) = work.block.open_sides();
+        let around = |side: &Side, bits: &Bits| {
+            let place = |k: usize| self.build.points.position[side.points.start + k].as_dvec3();
+            Aabb::around(set(bits).map(place))
+        };
+        let bounds = [around(sides[0], &rows), around(sides[1], &columns)];
+        let all = work.open.len();
+        work.open_between([&bounds[0], &bounds[1]], usize::MAX);
+        let candidates = all..work.open.len();
+        if work.block.count_open() <= FEW {
+            work.settle_open(candidates);
+        } else {
+            let length = bounds[0].union(bounds[1]).size().length();
+            work.test_open(candidates, length, on.0, on.1);
+        }
+        work.open.truncate(all);
     }
 }
