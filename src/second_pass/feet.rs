@@ -74,19 +74,9 @@ impl Feet {
         found
     }
 
-    /// Number of all feet.
-    pub fn len(&self) -> usize {
-        self.feet.len()
-    }
-
-    /// Where the feet of element `i` lie among all.
-    pub fn range(&self, i: usize) -> std::ops::Range<usize> {
-        self.starts[i] as usize..self.starts[i + 1] as usize
-    }
-
     /// Feet on and around element `i`.
     pub fn of(&self, i: usize) -> &[Foot] {
-        &self.feet[self.range(i)]
+        &self.feet[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 }
 

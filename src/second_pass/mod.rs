@@ -1,5 +1,6 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
+mod cells;
 mod chart;
 mod checkpoint;
 mod cover;
@@ -7,10 +8,12 @@ mod feet;
 pub mod interpolate;
 mod lattice;
 mod lobe;
+mod parted;
 mod probe;
 mod render;
 mod scatter;
 mod settings;
+mod shares;
 mod stencil;
 mod wave;
 

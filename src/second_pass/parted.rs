@@ -1,0 +1,156 @@
+//! What a place takes from the elements around it where something that stands there parts some of them from it.
+
+use super::chart::Chart;
+use super::feet::{Foot, openness, side_of};
+use super::lattice::Lattice;
+use super::shares::Shares;
+use super::stencil::Stencils;
+use glam::{DVec2, DVec3};
+
+/// What stands in, at most, for the elements around a place that are all parted from it, as a
+/// share of the whole weight.
+const WIDER: f64 = 1e-4;
+
+/// How open the way to an element beyond a foot is: next to nothing.
+const BEYOND: f64 = 1e-9;
+
+/// An element on and around which something stands, with all that its places may take from.
+pub(super) struct Parting {
+    feet: Box<[Foot]>,
+    /// The element itself comes first.
+    sources: Box<[Source]>,
+    /// By foot: the side of its line on which all sources lie, if they do and none is covered.
+    common_side: Box<[Option<bool>]>,
+    /// By node of the border: where its row of `entries` ends.
+    ends: Box<[u32]>,
+    /// (source, weight): what the nodes are made of.
+    entries: Box<[(u32, f32)]>,
+}
+
+/// An element that another may take from.
+struct Source {
+    element: u32,
+    /// Its centre in the plane of the chart, m.
+    place: DVec2,
+    covered: bool,
+    /// Its share of what stands in for elements that are parted.
+    wider: f64,
+}
+
+/// Room for the weights of one place, to be used again.
+#[derive(Default)]
+pub(super) struct Weights {
+    /// (element, weight), sum 1.
+    of: Vec<(u32, f64)>,
+    open: Vec<f64>,
+}
+
+impl Weights {
+    /// The (element, weight) found last, sum 1.
+    pub fn all(&self) -> &[(u32, f64)] {
+        &self.of
+    }
+}
+
+impl Parting {
+    /// For element `own`, with `feet` on and around it. `centre` and `covered` belong to the elements.
+    pub fn new(
+        own: usize,
+        feet: &[Foot],
+        chart: &Chart,
+        lattice: &Lattice,
+        stencils: &Stencils,
+        centre: &[DVec3],
+        covered: &[bool],
+    ) -> Self {
+        let around = lattice.around(own);
+        let trust = |e: u32| 1.0 / centre[e as usize].distance_squared(centre[own]);
+        let others = around.iter().filter(|&&e| e != own as u32);
+        let size = others.map(|&e| trust(e)).fold(f64::MIN_POSITIVE, f64::max);
+        let source = |sources: &mut Vec<Source>, element: u32| {
+            sources.iter().position(|s| s.element == element).unwrap_or_else(|| {
+                let (place, covered) = (chart.plane(centre[element as usize]), covered[element as usize]);
+                sources.push(Source { element, place, covered, wider: 0.0 });
+                sources.len() - 1
+            })
+        };
+        let mut sources = Vec::with_capacity(16);
+        source(&mut sources, own as u32);
+        let (mut ends, mut entries) = (Vec::new(), Vec::new());
+        for &node in lattice.border.of(own) {
+            for node in lattice.halved(node).unwrap_or([node, node]) {
+                for &(element, weight) in stencils.of(node as usize) {
+                    entries.push((source(&mut sources, element) as u32, (0.5 * weight) as f32));
+                }
+            }
+            ends.push(entries.len() as u32);
+        }
+        let taken = sources.len();
+        for &element in &around {
+            let at = source(&mut sources, element);
+            sources[at].wider = trust(element).min(size) / size;
+        }
+        let common_side = feet.iter().map(|&foot| {
+            let first = side_of(foot, sources[0].place);
+            sources[..taken].iter().all(|s| !s.covered && side_of(foot, s.place) == first).then_some(first)
+        });
+        Parting {
+            common_side: common_side.collect(),
+            feet: feet.into(),
+            sources: sources.into(),
+            ends: ends.into(),
+            entries: entries.into(),
+        }
+    }
+
+    /// What `place` in the element takes if a foot parts it from some of the elements that `shares` would take from: the
+    /// open ways keep their share of the weight. The weights are left in `room`; the result is how much of the radiance as
+    /// if nothing were parted stays: 0 but where that is extrapolated, and next to nothing is parted. `None`
+    /// where nothing is parted.
+    pub fn weigh(&self, place: DVec2, shares: &Shares, room: &mut Weights) -> Option<f64> {
+        // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
+        let inwards = place.lerp(self.sources[0].place, 1e-6);
+        let feet = &self.feet;
+        if feet.iter().zip(&self.common_side).all(|(&foot, side)| *side == Some(side_of(foot, inwards))) {
+            return None;
+        }
+        // What the covered would say they have from all sides. A place parted from all others takes what
+        // it has from beyond.
+        room.open.clear();
+        room.open.extend(self.sources.iter().map(|source| {
+            if source.covered { 0.0 } else { openness(feet, inwards, source.place).max(BEYOND) }
+        }));
+        room.of.clear();
+        room.of.extend(self.sources.iter().map(|source| (source.element, 0.0)));
+        room.of[0].1 = shares.centre;
+        for (&node, weight) in shares.nodes.iter().zip(shares.weights) {
+            let start = if node > 0 { self.ends[node - 1] } else { 0 };
+            for &(source, share) in &self.entries[start as usize..self.ends[node] as usize] {
+                room.of[source as usize].1 += weight * f64::from(share);
+            }
+        }
+        let (mut all, mut closed, mut negative) = (0.0, 0.0, 0.0);
+        for ((_, weight), open) in room.of.iter_mut().zip(&room.open) {
+            all += weight.abs();
+            negative += weight.min(0.0).abs();
+            closed += weight.abs() * (1.0 - open);
+            *weight = weight.max(0.0) * open;
+        }
+        if closed <= 0.0 {
+            return None;
+        }
+        let closed = closed / all;
+        let mut total = 0.0;
+        for (((_, weight), open), source) in room.of.iter_mut().zip(&room.open).zip(&self.sources) {
+            *weight += WIDER * closed * open * source.wider;
+            total += *weight;
+        }
+        // All around is covered: nothing better is known.
+        if total.is_nan() || total <= 0.0 {
+            return None;
+        }
+        room.of.iter_mut().for_each(|(_, weight)| *weight /= total);
+        // Extrapolation needs all it stands on; what follows leaves it out.
+        Some((1.0 - 8.0 * closed).max(0.0) * (8.0 * negative / all).min(1.0))
+    }
+}

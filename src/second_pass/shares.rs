@@ -1,0 +1,74 @@
+//! What a place within an element takes from the element's centre and from the nodes of its border.
+
+use glam::DVec2;
+
+/// Weights on the centre and on three nodes; sum 1.
+pub(super) struct Shares {
+    pub centre: f64,
+    /// Which nodes of the element's border.
+    pub nodes: [usize; 3],
+    pub weights: [f64; 3],
+}
+
+/// Bilinear in the quarter of a quad element that holds `local` (0 to 1 each way).
+#[inline(always)]
+pub(super) fn quarter(local: DVec2) -> Shares {
+    // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
+    let (right, upper) = (usize::from(local.x > 0.5), usize::from(local.y > 0.5));
+    let corner = 2 * (3 * upper ^ right);
+    let DVec2 { x: s, y: t } = (2.0 * (local - 0.5)).abs();
+    Shares {
+        centre: (1.0 - s) * (1.0 - t),
+        // The middle of the edge to the left or right, then that of the edge below or above.
+        nodes: [7 - 4 * right, 1 + 4 * upper, corner],
+        weights: [s * (1.0 - t), (1.0 - s) * t, s * t],
+    }
+}
+
+/// Linear in the triangle centre, node, next node that holds `d` (from the centre, m); `places` are those of the nodes.
+#[inline]
+pub(super) fn fan(places: &[[f32; 2]], d: DVec2) -> Shares {
+    let place = |i: usize| DVec2::new(f64::from(places[i][0]), f64::from(places[i][1]));
+    let n = places.len();
+    let (mut best, mut inside) = (0, f64::NEG_INFINITY);
+    let first = place(0).perp_dot(d);
+    let mut after = first;
+    for i in 0..n {
+        let before = after;
+        after = if i + 1 < n { place(i + 1).perp_dot(d) } else { first };
+        let depth = before.min(-after);
+        if depth > inside {
+            (best, inside) = (i, depth);
+        }
+    }
+    let next = (best + 1) % n;
+    let (a, b) = (place(best), place(next));
+    let det = a.perp_dot(b);
+    let (s, t) = (d.perp_dot(b).max(0.0) / det, a.perp_dot(d).max(0.0) / det);
+    // A place just outside, by rounding, takes the border's value.
+    let over = (s + t).max(1.0);
+    let (s, t) = if det > 0.0 { (s / over, t / over) } else { (0.0, 0.0) };
+    Shares { centre: 1.0 - s - t, nodes: [best, next, next], weights: [s, t, 0.0] }
+}
+
+/// The spectrum of shares `own` of `centre` and `weights` of `nodes`, not negative; all are as long as `out`. Weights of
+/// at most 1 lose nothing in `f32`.
+#[inline(always)]
+pub(super) fn blend(own: f32, centre: &[f32], weights: [f32; 3], nodes: [&[f32]; 3], out: &mut [f32]) {
+    let [ta, tb, tc] = weights;
+    let mix = |m: f32, a: f32, b: f32, c: f32| {
+        let sum = own * m + (ta * a + tb * b + tc * c);
+        if sum > 0.0 { sum } else { 0.0 }
+    };
+    // Counts are multiples of four, but for odd ones.
+    let [(a, a_rest), (b, b_rest), (c, c_rest)] = nodes.map(|node| node.as_chunks::<4>());
+    let ((m, m_rest), (out, out_rest)) = (centre.as_chunks::<4>(), out.as_chunks_mut::<4>());
+    for ((((out, m), a), b), c) in out.iter_mut().zip(m).zip(a).zip(b).zip(c) {
+        for k in 0..4 {
+            out[k] = mix(m[k], a[k], b[k], c[k]);
+        }
+    }
+    for (k, out) in out_rest.iter_mut().enumerate() {
+        *out = mix(m_rest[k], a_rest[k], b_rest[k], c_rest[k]);
+    }
+}
