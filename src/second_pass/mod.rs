@@ -4,6 +4,7 @@ mod cells;
 mod chart;
 mod checkpoint;
 mod cover;
+mod eye;
 mod feet;
 pub mod interpolate;
 mod lattice;

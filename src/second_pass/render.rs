@@ -2,15 +2,16 @@
 
 use super::SpectralImage;
 use super::checkpoint::{Checkpoint, Writer};
+use super::eye::Look;
 use super::interpolate::{DiffuseField, Interpolator};
 use super::scatter::{Film, Scatterer};
 use super::settings::{SecondPassSettings, SecondPassStats};
 use super::wave::{NO_MEDIUM, Path, Wave};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
-use crate::geometry::{Hit, Ray};
 use crate::observer::Observer;
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
+use crate::simd::wide;
 use crate::tracers::RayTracer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -222,33 +223,28 @@ impl Job<'_> {
         let (mut wave, mut next, mut hits) = (Wave::default(), Wave::default(), Vec::new());
         let samples = (BATCH / pixels).max(1) as u32;
         for first in (0..settings.samples).step_by(samples as usize) {
+            let count = samples.min(settings.samples - first);
             wave.clear();
-            for pixel in 0..pixels {
-                let (x, y) = place(pixel);
-                for index in first..settings.samples.min(first + samples) {
-                    let [dx, dy, ..] = sobol_burley::sample_4d(index, 0, film.seeds[pixel]);
-                    let ray = self.view.ray(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
-                    let ray = Ray { t_min: self.near, ..ray };
-                    let path = Path {
-                        start: ray.origin,
-                        pixel: pixel as u32,
-                        index,
-                        depth: 0,
-                        splits: 0,
-                        glossy: false,
-                        medium: NO_MEDIUM,
-                    };
-                    wave.rays.push(ray);
-                    wave.paths.push(path);
-                }
-            }
+            let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
+            wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
+            let origin = wave.rays[0].origin;
+            wave.paths.extend((0..pixels as u32 * count).map(|k| Path {
+                start: origin,
+                pixel: k / count,
+                index: first + k % count,
+                depth: 0,
+                splits: 0,
+                glossy: false,
+                medium: NO_MEDIUM,
+            }));
             wave.throughput.resize(wave.rays.len() * self.w, 1.0);
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {
                 hits.clear();
                 hits.resize(wave.rays.len(), None);
-                self.advance(&mut wave, &mut hits, &mut film, &mut next);
+                self.tracer.closest_batch(&wave.rays, &mut hits);
+                self.scatterer.meet(&mut wave, &hits, &mut film, &mut next);
                 std::mem::swap(&mut wave, &mut next);
             }
         }
@@ -256,19 +252,6 @@ impl Job<'_> {
             *sum /= f64::from(settings.samples);
         }
         film
-    }
-
-    /// Traces all rays of `wave` and fills `next` with those that follow.
-    fn advance(&self, wave: &mut Wave, hits: &mut [Option<Hit>], film: &mut Film, next: &mut Wave) {
-        next.clear();
-        self.tracer.closest_batch(&wave.rays, hits);
-        let throughputs = wave.throughput.chunks_exact_mut(self.w);
-        for (((ray, path), hit), throughput) in wave.rays.iter().zip(&wave.paths).zip(hits).zip(throughputs) {
-            match hit {
-                Some(hit) => self.scatterer.meet(ray, hit, *path, throughput, film, next),
-                None => film.stats.missed_rays += 1,
-            }
-        }
     }
 
     /// Copies a tile into the rows of its band.
