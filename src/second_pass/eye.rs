@@ -3,10 +3,11 @@
 use crate::geometry::Ray;
 use crate::scene::View;
 use crate::simd::HotLoop;
+use glam::DVec3;
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
-/// Rays that are made together.
-const LANES: usize = 8;
+/// Rays that are made together: so many that the compiler keeps the loops over them, and makes them wide.
+const BLOCK: usize = 64;
 
 /// What scrambles the Sobol' points of a pixel: their order, and the first two dimensions.
 type Scramble = [u32; 3];
@@ -55,53 +56,74 @@ impl HotLoop for Look<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let scrambles: Vec<Scramble> = self.seeds.iter().map(|&seed| scramble(seed)).collect();
         let corner = self.low.map(|x| x as f64);
-        let total = scrambles.len() * self.count as usize;
-        let (mut pixel, mut point) = (0, 0);
-        let mut place = [0.0, 0.0];
-        for _ in 0..total.div_ceil(LANES) {
-            let (mut index, mut of) = ([0; LANES], [[0; LANES]; 3]);
-            let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-            let mut used = 0;
-            while used < LANES && pixel < scrambles.len() {
-                index[used] = self.first + point;
-                for (of, scramble) in of.iter_mut().zip(scrambles[pixel]) {
-                    of[used] = scramble;
-                }
-                (x[used], y[used]) = (corner[0] + place[0], corner[1] + place[1]);
-                used += 1;
-                point += 1;
+        let total = self.seeds.len() * self.count as usize;
+        let (mut seeds, mut row) = (self.seeds.iter().enumerate(), 0);
+        let mut point = self.count;
+        let (mut of, mut column) = ([0; 3], 0);
+        for done in (0..total).step_by(BLOCK) {
+            let used = BLOCK.min(total - done);
+            let mut block = Block::default();
+            for k in 0..used {
                 if point == self.count {
-                    (pixel, point) = (pixel + 1, 0);
-                    place[0] += 1.0;
-                    if place[0] == self.columns as f64 {
-                        place = [0.0, place[1] + 1.0];
-                    }
+                    let Some((pixel, &seed)) = seeds.next() else { break };
+                    (point, of) = (0, scramble(seed));
+                    (column, row) = (pixel % self.columns, pixel / self.columns);
                 }
+                block.index[k] = self.first + point;
+                [block.order[k], block.across[k], block.down[k]] = of;
+                (block.x[k], block.y[k]) = (corner[0] + column as f64, corner[1] + row as f64);
+                point += 1;
             }
-            for lane in 0..LANES {
-                let [dx, dy] = sample(index[lane], of.map(|of| of[lane]));
-                x[lane] += f64::from(dx);
-                y[lane] += f64::from(dy);
-            }
-            let mut directions = [[0.0; LANES]; 3];
-            let mut origin = glam::DVec3::ZERO;
-            for lane in 0..LANES {
-                let ray = self.view.ray(x[lane], y[lane]);
-                directions[0][lane] = ray.direction.x;
-                directions[1][lane] = ray.direction.y;
-                directions[2][lane] = ray.direction.z;
-                origin = ray.origin;
-            }
-            let [x, y, z] = directions;
-            self.rays.extend((0..used).map(|lane| Ray {
+            let directions = block.directions(self.view);
+            let origin = self.view.ray(0.0, 0.0).origin;
+            self.rays.extend(directions[..used].iter().map(|&direction| Ray {
                 origin,
-                direction: glam::DVec3::new(x[lane], y[lane], z[lane]),
+                direction,
                 t_min: self.near,
                 t_max: f64::INFINITY,
             }));
         }
+    }
+}
+
+/// What a block of rays is made of.
+struct Block {
+    index: [u32; BLOCK],
+    order: [u32; BLOCK],
+    across: [u32; BLOCK],
+    down: [u32; BLOCK],
+    /// Image position: of the pixel's corner, then of the ray.
+    x: [f64; BLOCK],
+    y: [f64; BLOCK],
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        let (none, nowhere) = ([0; BLOCK], [0.0; BLOCK]);
+        Block { index: none, order: none, across: none, down: none, x: nowhere, y: nowhere }
+    }
+}
+
+impl Block {
+    #[inline(always)]
+    fn directions(&mut self, view: &View) -> [DVec3; BLOCK] {
+        let Block { index, order, across, down, x, y } = self;
+        let mut shift = [[0.0f32; BLOCK]; 2];
+        for k in 0..BLOCK {
+            [shift[0][k], shift[1][k]] = sample(index[k], [order[k], across[k], down[k]]);
+        }
+        for k in 0..BLOCK {
+            x[k] += f64::from(shift[0][k]);
+            y[k] += f64::from(shift[1][k]);
+        }
+        let mut directions = [[0.0; BLOCK]; 3];
+        for k in 0..BLOCK {
+            [directions[0][k], directions[1][k], directions[2][k]] =
+                view.ray(x[k], y[k]).direction.to_array();
+        }
+        let [x, y, z] = directions;
+        std::array::from_fn(|k| DVec3::new(x[k], y[k], z[k]))
     }
 }
 

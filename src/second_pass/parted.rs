@@ -19,8 +19,12 @@ pub(super) struct Parting {
     feet: Box<[Foot]>,
     /// The element itself comes first.
     sources: Box<[Source]>,
-    /// By foot: the side of its line on which all sources lie, if they do and none is covered.
-    common_side: Box<[Option<bool>]>,
+    /// By foot: on which side of its line each of the first 64 sources lies, a bit each.
+    sides: Box<[u64]>,
+    /// A bit for each of those sources that is taken from if nothing is parted.
+    taken: u64,
+    /// Whether one of those is covered, or there are more.
+    covers: bool,
     /// By node of the border: where its row of `entries` ends.
     ends: Box<[u32]>,
     /// (source, weight): what the nodes are made of.
@@ -76,11 +80,16 @@ impl Parting {
         };
         let mut sources = Vec::with_capacity(16);
         source(&mut sources, own as u32);
-        let (mut ends, mut entries) = (Vec::new(), Vec::new());
+        let (mut ends, mut entries) = (Vec::new(), Vec::<(u32, f32)>::new());
         for &node in lattice.border.of(own) {
+            let start = entries.len();
             for node in lattice.halved(node).unwrap_or([node, node]) {
                 for &(element, weight) in stencils.of(node as usize) {
-                    entries.push((source(&mut sources, element) as u32, (0.5 * weight) as f32));
+                    let (at, half) = (source(&mut sources, element) as u32, (0.5 * weight) as f32);
+                    match entries[start..].iter_mut().find(|(known, _)| *known == at) {
+                        Some((_, sum)) => *sum += half,
+                        None => entries.push((at, half)),
+                    }
                 }
             }
             ends.push(entries.len() as u32);
@@ -90,12 +99,13 @@ impl Parting {
             let at = source(&mut sources, element);
             sources[at].wider = trust(element).min(size) / size;
         }
-        let common_side = feet.iter().map(|&foot| {
-            let first = side_of(foot, sources[0].place);
-            sources[..taken].iter().all(|s| !s.covered && side_of(foot, s.place) == first).then_some(first)
-        });
+        let bits = |is: &dyn Fn(&Source) -> bool| {
+            sources.iter().take(64).enumerate().fold(0, |bits, (at, of)| bits | u64::from(is(of)) << at)
+        };
         Parting {
-            common_side: common_side.collect(),
+            sides: feet.iter().map(|&foot| bits(&|of| side_of(foot, of.place))).collect(),
+            taken: u64::MAX >> (64 - taken.min(64)),
+            covers: sources[..taken].iter().any(|of| of.covered) || taken > 64,
             feet: feet.into(),
             sources: sources.into(),
             ends: ends.into(),
@@ -111,14 +121,23 @@ impl Parting {
         // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
         let inwards = place.lerp(self.sources[0].place, 1e-6);
         let feet = &self.feet;
-        if feet.iter().zip(&self.common_side).all(|(&foot, side)| *side == Some(side_of(foot, inwards))) {
+        // Whose way may cross a foot: those on the other side of its line.
+        let across = |sides: u64, foot: &Foot| if side_of(*foot, inwards) { !sides } else { sides };
+        let across = feet.iter().zip(&self.sides).fold(0, |all, (foot, &sides)| all | across(sides, foot));
+        if across & self.taken == 0 && !self.covers {
             return None;
         }
         // What the covered would say they have from all sides. A place parted from all others takes what
         // it has from beyond.
         room.open.clear();
-        room.open.extend(self.sources.iter().map(|source| {
-            if source.covered { 0.0 } else { openness(feet, inwards, source.place).max(BEYOND) }
+        room.open.extend(self.sources.iter().enumerate().map(|(at, source)| {
+            if source.covered {
+                0.0
+            } else if at < 64 && across >> at & 1 == 0 {
+                1.0
+            } else {
+                openness(feet, inwards, source.place).max(BEYOND)
+            }
         }));
         room.of.clear();
         room.of.extend(self.sources.iter().map(|source| (source.element, 0.0)));
