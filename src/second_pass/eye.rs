@@ -75,11 +75,11 @@ impl HotLoop for Look<'_> {
                 (block.x[k], block.y[k]) = (corner[0] + column as f64, corner[1] + row as f64);
                 point += 1;
             }
-            let directions = block.directions(self.view);
+            let [x, y, z] = block.directions(self.view);
             let origin = self.view.ray(0.0, 0.0).origin;
-            self.rays.extend(directions[..used].iter().map(|&direction| Ray {
+            self.rays.extend((0..used).map(|k| Ray {
                 origin,
-                direction,
+                direction: DVec3::new(x[k], y[k], z[k]),
                 t_min: self.near,
                 t_max: f64::INFINITY,
             }));
@@ -107,7 +107,7 @@ impl Default for Block {
 
 impl Block {
     #[inline(always)]
-    fn directions(&mut self, view: &View) -> [DVec3; BLOCK] {
+    fn directions(&mut self, view: &View) -> [[f64; BLOCK]; 3] {
         let Block { index, order, across, down, x, y } = self;
         let mut shift = [[0.0f32; BLOCK]; 2];
         for k in 0..BLOCK {
@@ -122,8 +122,7 @@ impl Block {
             [directions[0][k], directions[1][k], directions[2][k]] =
                 view.ray(x[k], y[k]).direction.to_array();
         }
-        let [x, y, z] = directions;
-        std::array::from_fn(|k| DVec3::new(x[k], y[k], z[k]))
+        directions
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a place takes from the elements around it where something that stands there parts some of them from it.
 
 use super::chart::Chart;
-use super::feet::{Foot, openness, side_of};
+use super::feet::{Chain, Foot, side_of};
 use super::lattice::Lattice;
 use super::shares::Shares;
 use super::stencil::Stencils;
@@ -16,14 +16,14 @@ const BEYOND: f64 = 1e-9;
 
 /// An element on and around which something stands, with all that its places may take from.
 pub(super) struct Parting {
-    feet: Box<[Foot]>,
+    feet: Chain,
     /// The element itself comes first.
     sources: Box<[Source]>,
-    /// By foot: on which side of its line each of the first 64 sources lies, a bit each.
+    /// By foot: on which side of its line each source lies, a bit each, [`WORD`] to a word.
     sides: Box<[u64]>,
-    /// A bit for each of those sources that is taken from if nothing is parted.
-    taken: u64,
-    /// Whether one of those is covered, or there are more.
+    /// The first sources, so many, are taken from where nothing is parted.
+    taken: usize,
+    /// Whether some of those are covered.
     covers: bool,
     /// By node of the border: where its row of `entries` ends.
     ends: Box<[u32]>,
@@ -39,6 +39,14 @@ struct Source {
     covered: bool,
     /// Its share of what stands in for elements that are parted.
     wider: f64,
+}
+
+/// Sources whose bits make a word.
+const WORD: usize = 64;
+
+/// The lowest `count` bits of a word.
+fn lowest(count: usize) -> u64 {
+    if count < WORD { (1 << count) - 1 } else { u64::MAX }
 }
 
 /// Room for the weights of one place, to be used again.
@@ -99,14 +107,17 @@ impl Parting {
             let at = source(&mut sources, element);
             sources[at].wider = trust(element).min(size) / size;
         }
-        let bits = |is: &dyn Fn(&Source) -> bool| {
-            sources.iter().take(64).enumerate().fold(0, |bits, (at, of)| bits | u64::from(is(of)) << at)
-        };
+        let sides = feet.iter().flat_map(|&foot| {
+            sources.chunks(WORD).map(move |some| {
+                let sides = some.iter().map(|of| u64::from(side_of(foot, of.place)));
+                sides.enumerate().fold(0, |word, (at, side)| word | side << at)
+            })
+        });
         Parting {
-            sides: feet.iter().map(|&foot| bits(&|of| side_of(foot, of.place))).collect(),
-            taken: u64::MAX >> (64 - taken.min(64)),
-            covers: sources[..taken].iter().any(|of| of.covered) || taken > 64,
-            feet: feet.into(),
+            sides: sides.collect(),
+            taken,
+            covers: sources[..taken].iter().any(|of| of.covered),
+            feet: Chain::new(feet),
             sources: sources.into(),
             ends: ends.into(),
             entries: entries.into(),
@@ -120,25 +131,34 @@ impl Parting {
     pub fn weigh(&self, place: DVec2, shares: &Shares, room: &mut Weights) -> Option<f64> {
         // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
         let inwards = place.lerp(self.sources[0].place, 1e-6);
-        let feet = &self.feet;
-        // Whose way may cross a foot: those on the other side of its line.
-        let across = |sides: u64, foot: &Foot| if side_of(*foot, inwards) { !sides } else { sides };
-        let across = feet.iter().zip(&self.sides).fold(0, |all, (foot, &sides)| all | across(sides, foot));
-        if across & self.taken == 0 && !self.covers {
+        // What the covered would say they have from all sides.
+        room.open.clear();
+        room.open.extend(self.sources.iter().map(|source| if source.covered { 0.0 } else { 1.0 }));
+        let mut parts = self.covers;
+        let words = self.sources.len().div_ceil(WORD);
+        for (number, (foot, sides)) in self.feet.feet().iter().zip(self.sides.chunks(words)).enumerate() {
+            let beyond = if side_of(*foot, inwards) { u64::MAX } else { 0 };
+            for (word, sides) in sides.iter().enumerate() {
+                // Whose way may cross the foot: those on the other side of its line.
+                let first = word * WORD;
+                let mut across = (sides ^ beyond) & lowest(self.sources.len() - first);
+                parts |= first < self.taken && across & lowest(self.taken - first) != 0;
+                while across != 0 {
+                    let at = first + across.trailing_zeros() as usize;
+                    across &= across - 1;
+                    if room.open[at] > 0.0 {
+                        room.open[at] *= self.feet.openness(number, inwards, self.sources[at].place);
+                    }
+                }
+            }
+        }
+        if !parts {
             return None;
         }
-        // What the covered would say they have from all sides. A place parted from all others takes what
-        // it has from beyond.
-        room.open.clear();
-        room.open.extend(self.sources.iter().enumerate().map(|(at, source)| {
-            if source.covered {
-                0.0
-            } else if at < 64 && across >> at & 1 == 0 {
-                1.0
-            } else {
-                openness(feet, inwards, source.place).max(BEYOND)
-            }
-        }));
+        // A place parted from all others takes what it has from beyond.
+        for (open, source) in room.open.iter_mut().zip(&self.sources) {
+            *open = if source.covered { 0.0 } else { open.max(BEYOND) };
+        }
         room.of.clear();
         room.of.extend(self.sources.iter().map(|source| (source.element, 0.0)));
         room.of[0].1 = shares.centre;

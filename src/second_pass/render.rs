@@ -228,20 +228,21 @@ impl Job<'_> {
             let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
             wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
             let origin = wave.rays[0].origin;
-            wave.paths.extend((0..pixels as u32 * count).map(|k| Path {
-                start: origin,
-                pixel: k / count,
-                index: first + k % count,
-                depth: 0,
-                splits: 0,
-                glossy: false,
-                medium: NO_MEDIUM,
+            wave.paths.extend((0..pixels as u32).flat_map(|pixel| {
+                (first..first + count).map(move |index| Path {
+                    start: origin,
+                    pixel,
+                    index,
+                    depth: 0,
+                    splits: 0,
+                    glossy: false,
+                    medium: NO_MEDIUM,
+                })
             }));
             wave.throughput.resize(wave.rays.len() * self.w, 1.0);
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {
-                hits.clear();
                 hits.resize(wave.rays.len(), None);
                 self.tracer.closest_batch(&wave.rays, &mut hits);
                 self.scatterer.meet(&mut wave, &hits, &mut film, &mut next);

@@ -55,20 +55,28 @@ pub(super) fn fan(places: &[[f32; 2]], d: DVec2) -> Shares {
 /// at most 1 lose nothing in `f32`.
 #[inline(always)]
 pub(super) fn blend(own: f32, centre: &[f32], weights: [f32; 3], nodes: [&[f32]; 3], out: &mut [f32]) {
-    let [ta, tb, tc] = weights;
-    let mix = |m: f32, a: f32, b: f32, c: f32| {
-        let sum = own * m + (ta * a + tb * b + tc * c);
-        if sum > 0.0 { sum } else { 0.0 }
-    };
-    // Counts are multiples of four, but for odd ones.
-    let [(a, a_rest), (b, b_rest), (c, c_rest)] = nodes.map(|node| node.as_chunks::<4>());
-    let ((m, m_rest), (out, out_rest)) = (centre.as_chunks::<4>(), out.as_chunks_mut::<4>());
-    for ((((out, m), a), b), c) in out.iter_mut().zip(m).zip(a).zip(b).zip(c) {
-        for k in 0..4 {
-            out[k] = mix(m[k], a[k], b[k], c[k]);
+    // Most counts of wavelengths are made of these.
+    let done = blend_by::<8>(own, centre, weights, nodes, out);
+    let done =
+        done + blend_by::<4>(own, &centre[done..], weights, nodes.map(|n| &n[done..]), &mut out[done..]);
+    blend_by::<1>(own, &centre[done..], weights, nodes.map(|n| &n[done..]), &mut out[done..]);
+}
+
+/// [`blend`] of as many whole groups of `N` as there are; how many numbers that was.
+#[inline(always)]
+fn blend_by<const N: usize>(
+    own: f32,
+    centre: &[f32],
+    [ta, tb, tc]: [f32; 3],
+    nodes: [&[f32]; 3],
+    out: &mut [f32],
+) -> usize {
+    let (out, [a, b, c]) = (out.as_chunks_mut::<N>().0, nodes.map(|node| node.as_chunks::<N>().0));
+    for ((((out, m), a), b), c) in out.iter_mut().zip(centre.as_chunks::<N>().0).zip(a).zip(b).zip(c) {
+        for k in 0..N {
+            let sum = own * m[k] + (ta * a[k] + tb * b[k] + tc * c[k]);
+            out[k] = if sum > 0.0 { sum } else { 0.0 };
         }
     }
-    for (k, out) in out_rest.iter_mut().enumerate() {
-        *out = mix(m_rest[k], a_rest[k], b_rest[k], c_rest[k]);
-    }
+    N * out.len()
 }
