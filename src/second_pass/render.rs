@@ -228,17 +228,21 @@ impl Job<'_> {
             let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
             wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
             let origin = wave.rays[0].origin;
-            wave.paths.extend((0..pixels as u32).flat_map(|pixel| {
-                (first..first + count).map(move |index| Path {
-                    start: origin,
-                    pixel,
-                    index,
-                    depth: 0,
-                    splits: 0,
-                    glossy: false,
-                    medium: NO_MEDIUM,
-                })
-            }));
+            let camera = Path {
+                start: origin,
+                pixel: 0,
+                index: 0,
+                depth: 0,
+                splits: 0,
+                glossy: false,
+                medium: NO_MEDIUM,
+            };
+            wave.paths.resize(wave.rays.len(), camera);
+            for (pixel, paths) in wave.paths.chunks_exact_mut(count as usize).enumerate() {
+                for (index, path) in (first..).zip(paths) {
+                    (path.pixel, path.index) = (pixel as u32, index);
+                }
+            }
             wave.throughput.resize(wave.rays.len() * self.w, 1.0);
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.

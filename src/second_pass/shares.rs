@@ -73,10 +73,13 @@ fn blend_by<const N: usize>(
 ) -> usize {
     let (out, [a, b, c]) = (out.as_chunks_mut::<N>().0, nodes.map(|node| node.as_chunks::<N>().0));
     for ((((out, m), a), b), c) in out.iter_mut().zip(centre.as_chunks::<N>().0).zip(a).zip(b).zip(c) {
+        // A place of its own lets the compiler see that nothing overlaps.
+        let mut group = [0.0; N];
         for k in 0..N {
             let sum = own * m[k] + (ta * a[k] + tb * b[k] + tc * c[k]);
-            out[k] = if sum > 0.0 { sum } else { 0.0 };
+            group[k] = if sum > 0.0 { sum } else { 0.0 };
         }
+        *out = group;
     }
     N * out.len()
 }
