@@ -148,7 +148,7 @@ fn within_an_empty_sphere_all_is_seen_without_a_ray() {
 fn solution(points: &SamplePoints, radiance: impl Fn(usize) -> f64) -> DiffuseSolution {
     let radiance = (0..points.len()).map(|i| radiance(i) as f32).collect();
     let wavelengths = Wavelengths::points(vec![550.0], vec![[1.0; 3]]);
-    DiffuseSolution { wavelengths, radiance, stats: Default::default() }
+    DiffuseSolution { wavelengths, parts: None, radiance, stats: Default::default() }
 }
 
 fn at(field: &DiffuseField, p: DVec3) -> f64 {

@@ -63,7 +63,7 @@ impl Scene {
     fn at(&self, surface: u32, places: &[DVec3], radiance: impl Fn(DVec3) -> f32) -> Vec<f32> {
         let wavelengths = Wavelengths::points(vec![550.0], vec![[1.0; 3]]);
         let radiance = (0..self.points.len()).map(|i| radiance(self.place(i))).collect();
-        let solution = DiffuseSolution { wavelengths, radiance, stats: Default::default() };
+        let solution = DiffuseSolution { wavelengths, parts: None, radiance, stats: Default::default() };
         let field = self.interpolator.field(&solution);
         let mut out = [f32::NAN];
         let look = |p: &DVec3| {

@@ -59,7 +59,7 @@ fn interpolator(geometry: &Geometry, points: &SamplePoints) -> Interpolator {
 
 fn solution(points: &SamplePoints, radiance: impl Fn(usize) -> [f32; 2]) -> DiffuseSolution {
     let radiance = (0..points.len()).flat_map(radiance).collect();
-    DiffuseSolution { wavelengths: wavelengths(2), radiance, stats: Default::default() }
+    DiffuseSolution { wavelengths: wavelengths(2), parts: None, radiance, stats: Default::default() }
 }
 
 fn at(field: &DiffuseField, surface: u32, side: Side, p: DVec3) -> [f32; 2] {

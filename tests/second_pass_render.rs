@@ -9,7 +9,7 @@ use luxgraph::observer::Silent;
 use luxgraph::points::{SamplePoints, Sampling, divide_by_area};
 use luxgraph::scene::{Camera, Geometry, MaterialId, ObjectId, SampledAppearance};
 use luxgraph::second_pass::{
-    Interpolator, LitScene, Passes, SecondPassSettings, SecondPassStats, SpectralImage, render,
+    Interpolator, LitScene, Passes, Rung, SecondPassSettings, SecondPassStats, SpectralImage, render,
 };
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::brute_force::BruteForce;
@@ -127,7 +127,8 @@ impl World {
             surface_material: of.iter().map(|m| MaterialId(*m)).collect(),
             lights: Vec::new(),
         };
-        let solution = DiffuseSolution { wavelengths: wavelengths(), radiance, stats: Default::default() };
+        let solution =
+            DiffuseSolution { wavelengths: wavelengths(), parts: None, radiance, stats: Default::default() };
         World { geometry, points, appearance, solution }
     }
 
@@ -159,6 +160,9 @@ fn assert_all(image: &SpectralImage, expected: f32, tolerance: f32) {
 }
 
 const EXACT: SecondPassSettings = SecondPassSettings {
+    rung: Rung::Interpolate,
+    lamp_samples: 1,
+    gather_samples: 1,
     passes: Passes::Both,
     samples: 4,
     lobe_samples: 2,

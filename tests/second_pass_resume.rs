@@ -56,6 +56,7 @@ impl World {
             },
             solution: DiffuseSolution {
                 wavelengths,
+                parts: None,
                 radiance: (0..2 * points.len()).map(|i| 1.0 + (i * 2654435761 % 97) as f32).collect(),
                 stats: Default::default(),
             },

@@ -400,6 +400,10 @@ pub enum QualityArg {
 pub enum SecondPassArg {
     /// The paper's: from the four closest sample points on the same surface
     Interpolate,
+    /// Straight from lamps by shadow rays, the rest as before
+    Direct,
+    /// As direct, and one bounce gathered over the hemisphere
+    Gather,
 }
 
 /// `--passes`

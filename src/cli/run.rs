@@ -1,6 +1,6 @@
 //! What `render` and `relight` share: options to settings, one lit appearance to files.
 
-use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SolverArg, TracerArg};
+use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SecondPassArg, SolverArg, TracerArg};
 use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
 use luxgraph::first_pass::{DiffuseSolution, Kernel, Relighter, Solver};
@@ -9,7 +9,7 @@ use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, MaterialId, SampledAppearance, Scene};
-use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats, SpectralImage};
+use luxgraph::second_pass::{self, Checkpoint, Passes, Rung, SecondPassStats, SpectralImage};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
@@ -34,6 +34,12 @@ pub fn settings(options: &Options) -> Result<Settings> {
     if let Some(samples) = options.samples {
         settings.second_pass.samples = samples;
     }
+    settings.second_pass.rung = match options.second_pass {
+        SecondPassArg::Interpolate => Rung::Interpolate,
+        SecondPassArg::Direct => Rung::Direct,
+        SecondPassArg::Gather => Rung::Gather,
+    };
+    settings.first_pass.parts = settings.second_pass.rung != Rung::Interpolate;
     settings.second_pass.passes = match options.passes {
         PassesArg::First => Passes::FirstPassOnly,
         PassesArg::Both => Passes::Both,

@@ -60,8 +60,21 @@ pub struct DiffuseSolution {
     pub wavelengths: Wavelengths,
     /// L^d_i, the emitted radiance included, W m⁻² sr⁻¹ nm⁻¹: `[N][W]`.
     pub radiance: Vec<f32>,
+    /// What it is made of, where that was asked for.
+    pub parts: Option<Parts>,
     /// How it was found.
     pub stats: FirstPassStats,
+}
+
+/// Parts of the diffuse radiance, W m⁻² sr⁻¹ nm⁻¹: `[N][W]` each. What is left is reflected light of diffuse surfaces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parts {
+    /// What is emitted.
+    pub emission: Vec<f32>,
+    /// Reflected of light straight from emitting surfaces and point lights.
+    pub direct: Vec<f32>,
+    /// Reflected of light that came over mirrors, gloss or glass.
+    pub specular: Vec<f32>,
 }
 
 impl DiffuseSolution {

@@ -6,7 +6,7 @@ use super::settings::{FirstPassSettings, Solver};
 use super::specular::SpecularSet;
 use super::stats::{self, FirstPassStats, Range};
 use super::system::System;
-use super::{DiffuseSolution, STEPS, check_appearance, descent, refuse_endless, visibility_calls};
+use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, refuse_endless, visibility_calls};
 use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
@@ -149,10 +149,20 @@ impl<'a> Relighter<'a> {
             solve_s,
         };
         let (n, w) = (points.len(), system.wavelengths());
-        let by_point = (0..n * w).map(|at| radiance[at % w * n + at / w]).collect();
+        let by_point = |radiance: &[f32]| (0..n * w).map(|at| radiance[at % w * n + at / w]).collect();
+        let parts = settings.parts.then(|| {
+            let mut direct = self.diffuse.irradiance(&system.emission, |_| true);
+            direct.iter_mut().zip(&system.lights.irradiance).for_each(|(e, more)| *e += more);
+            Parts {
+                emission: by_point(&system.emission),
+                direct: by_point(&system.reflected(&direct)),
+                specular: by_point(&system.reflected(&solved.flow.irradiance)),
+            }
+        });
         self.runs += 1;
         (self.rooms, self.specular) = (Some(system.rooms), Some(system.specular));
-        Ok(DiffuseSolution { wavelengths: appearance.wavelengths.clone(), radiance: by_point, stats })
+        let (wavelengths, radiance) = (appearance.wavelengths.clone(), by_point(&radiance));
+        Ok(DiffuseSolution { wavelengths, radiance, parts, stats })
     }
 
     /// One sweep: the irradiance of all points from the radiance of all points by diffuse exchange alone, both

@@ -56,6 +56,8 @@ pub struct FirstPassSettings {
     pub max_sweeps: u32,
     /// Whether to count what the paper's algorithm would have asked without a graph (takes time).
     pub count_visibility_calls: bool,
+    /// Whether the solution keeps its parts apart ([`Parts`](super::Parts)): one sweep more.
+    pub parts: bool,
 }
 
 impl Default for FirstPassSettings {
@@ -67,6 +69,7 @@ impl Default for FirstPassSettings {
             tolerance: 1e-4,
             max_sweeps: 2000,
             count_visibility_calls: false,
+            parts: false,
         }
     }
 }

@@ -13,13 +13,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Says what the file is; the digit is the format's version.
-const MAGIC: &[u8; 8] = b"luxpart1";
+const MAGIC: &[u8; 8] = b"luxpart2";
 
 /// Bytes of a hash.
 const HASH: usize = 32;
 
 /// Numbers of [`SecondPassStats`] that are kept.
-const COUNTS: usize = 7;
+const COUNTS: usize = 9;
 
 /// A band of rows as it was rendered.
 pub(super) struct Band {
@@ -141,6 +141,8 @@ fn counts(stats: &SecondPassStats) -> [u64; COUNTS] {
         stats.paths_cut,
         stats.cut_share.to_bits(),
         stats.paths_ended,
+        stats.gather_rays,
+        stats.shadow_rays,
     ]
 }
 
@@ -153,6 +155,8 @@ fn stats(counts: [u64; COUNTS]) -> SecondPassStats {
         paths_cut: counts[4],
         cut_share: f64::from_bits(counts[5]),
         paths_ended: counts[6],
+        gather_rays: counts[7],
+        shadow_rays: counts[8],
         second_pass_s: 0.0,
     }
 }

@@ -23,7 +23,7 @@ use super::parted::{Parting, Weights};
 use super::shares::{blend, fan, quarter};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
-use crate::geometry::{Shape, Side, SurfaceId};
+use crate::geometry::{Shape, Side, Surface, SurfaceId};
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
 use crate::tracers::RayTracer;
@@ -45,6 +45,8 @@ pub struct Interpolator {
     stand_ins: Vec<StandIn>,
     /// Elements on and around which something stands.
     partings: Vec<Parting>,
+    /// Per surface: how far apart its sample points are, m.
+    spacing: Vec<f64>,
 }
 
 /// Nothing stands on or around an element.
@@ -123,12 +125,23 @@ impl Interpolator {
             partings.push(Parting::new(i, feet.of(i), chart, &lattice, &stencils, &centres, &covered));
         }
         let stand_ins = stand_ins(&lattice, &centres, &covered);
-        Interpolator { charts, cells, elements, lattice, border_at, stencils, stand_ins, partings }
+        let mut fronts = vec![0u32; geometry.surfaces.len()];
+        (0..n)
+            .filter(|&i| points.side[i] == Side::Front)
+            .for_each(|i| fronts[points.surface[i].index()] += 1);
+        let apart = |(surface, &n): (&Surface, &u32)| (surface.area / f64::from(n.max(1))).sqrt();
+        let spacing = geometry.surfaces.iter().zip(&fronts).map(apart).collect();
+        Interpolator { charts, cells, elements, lattice, border_at, stencils, stand_ins, partings, spacing }
     }
 
     /// The covered sample points whose radiance those around them stand in for.
     pub fn covered(&self) -> impl Iterator<Item = usize> {
         self.stand_ins.iter().map(|s| s.element as usize)
+    }
+
+    /// How far apart the sample points of a surface are, m.
+    pub(super) fn spacing(&self, surface: SurfaceId) -> f64 {
+        self.spacing[surface.index()]
     }
 
     /// Number of sample points.
@@ -149,8 +162,12 @@ impl Interpolator {
     /// border, and a bound on how far a border can run away. Where the edge of a shadow is near it
     /// would else turn black.
     pub fn field(&self, solution: &DiffuseSolution) -> DiffuseField<'_> {
-        let w = solution.wavelengths.len();
-        let centres = self.centres(solution, w);
+        self.field_of(solution.radiance.clone(), solution.wavelengths.len())
+    }
+
+    /// [`Interpolator::field`] of any part of the radiance of the sample points, `[N][w]`.
+    pub(super) fn field_of(&self, radiance: Vec<f32>, w: usize) -> DiffuseField<'_> {
+        let centres = self.centres(radiance, w);
         let of = |element: u32| &centres[element as usize * w..];
         let mut nodes = vec![0.0f32; self.stencils.len() * w];
         nodes.par_chunks_mut(w.max(1)).enumerate().for_each(|(node, out)| {
@@ -176,8 +193,7 @@ impl Interpolator {
     }
 
     /// Radiance at the centres of all elements, `[N][W]`, covered ones stood in for.
-    fn centres(&self, solution: &DiffuseSolution, w: usize) -> Vec<f32> {
-        let mut centres = solution.radiance.clone();
+    fn centres(&self, mut centres: Vec<f32>, w: usize) -> Vec<f32> {
         for StandIn { element, from } in &self.stand_ins {
             for k in 0..w {
                 let of = |e: u32| f64::from(centres[e as usize * w + k]);

@@ -1,9 +1,10 @@
 //! Specular light along rays that no camera sent.
 
 use super::interpolate::DiffuseField;
+use super::ladder::Ladder;
 use super::render::LitScene;
 use super::scatter::{Film, Scatterer};
-use super::settings::{Passes, SecondPassSettings};
+use super::settings::{Passes, Rung, SecondPassSettings};
 use super::wave::{NO_MEDIUM, Path, Wave};
 use crate::geometry::Ray;
 use crate::tracers::RayTracer;
@@ -11,6 +12,9 @@ use crate::tracers::RayTracer;
 /// A path that would carry less than a thousandth of a mean ray ends by Russian roulette.
 const SETTINGS: SecondPassSettings = SecondPassSettings {
     passes: Passes::Both,
+    rung: Rung::Interpolate,
+    lamp_samples: 1,
+    gather_samples: 1,
     samples: 1,
     lobe_samples: 8,
     max_depth: SecondPassSettings::MAX_DEPTH,
@@ -29,7 +33,9 @@ pub(crate) struct Probe<'a> {
 impl<'a> Probe<'a> {
     /// `field` is that of the scene.
     pub fn new(scene: &LitScene<'a>, field: &'a DiffuseField<'a>) -> Self {
-        Probe { scatterer: Scatterer::new(scene.geometry, scene.appearance, field, &SETTINGS) }
+        let ladder = Ladder { near: field, far: None, direct: None };
+        let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, |_| 0.0, &SETTINGS);
+        Probe { scatterer }
     }
 
     /// Σ weight × specular radiance along `rays` (unit), `[W]`: what the surface that a ray meets first
@@ -47,6 +53,7 @@ impl<'a> Probe<'a> {
                 depth: 0,
                 splits: 0,
                 glossy: false,
+                bounces: 0,
                 medium: NO_MEDIUM,
             };
             wave.push(*ray, path, std::iter::repeat_n(weight, w));

@@ -3,8 +3,9 @@
 use super::SpectralImage;
 use super::checkpoint::{Checkpoint, Writer};
 use super::eye::Look;
-use super::interpolate::{DiffuseField, Interpolator};
-use super::scatter::{Film, Scatterer};
+use super::interpolate::Interpolator;
+use super::ladder::Fields;
+use super::scatter::{Film, Scatterer, brightness};
 use super::settings::{SecondPassSettings, SecondPassStats};
 use super::wave::{NO_MEDIUM, Path, Wave};
 use crate::error::{Error, Result};
@@ -77,8 +78,12 @@ pub fn render_with_checkpoint(
     camera.check()?;
     check_solution(scene)?;
 
-    let field = scene.interpolator.field(scene.solution);
-    let scatterer = Scatterer::new(scene.geometry, scene.appearance, &field, settings);
+    let weights = brightness(&scene.appearance.wavelengths.xyz_weights);
+    let bright = |l: &[f32]| l.iter().zip(&weights).map(|(l, b)| f64::from(l * b)).sum();
+    let fields = Fields::new(scene, settings.rung)?;
+    let ladder = fields.ladder(scene, tracer, settings, bright);
+    let spacing = |surface| scene.interpolator.spacing(surface);
+    let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, spacing, settings);
     let w = scene.solution.wavelengths.len();
     let [width, height] = camera.resolution.map(|x| x as usize);
     let (view, near) = (camera.view(scene.geometry.centre), NEAR * scene.geometry.radius);
@@ -91,7 +96,7 @@ pub fn render_with_checkpoint(
     };
     let (mut kept, writer) = match checkpoint {
         Some(checkpoint) => {
-            let (kept, writer) = checkpoint.open(&key(scene, &field, camera, tracer, settings), floats)?;
+            let (kept, writer) = checkpoint.open(&key(scene, &fields, camera, tracer, settings), floats)?;
             (kept, Some(writer))
         }
         None => Default::default(),
@@ -128,7 +133,7 @@ pub fn render_with_checkpoint(
 /// and every number apart.
 fn key(
     scene: &LitScene,
-    field: &DiffuseField,
+    fields: &Fields,
     camera: &Camera,
     tracer: &dyn RayTracer,
     settings: &SecondPassSettings,
@@ -139,7 +144,7 @@ fn key(
     hasher.update(&scene.geometry.hash());
     hasher.update(format!("{:?} {:?} ", scene.geometry.centre, scene.geometry.patch).as_bytes());
     hasher.update(format!("{:?} ", scene.appearance).as_bytes());
-    field.hash(&mut hasher);
+    fields.hash(&mut hasher);
     *hasher.finalize().as_bytes()
 }
 
@@ -235,6 +240,7 @@ impl Job<'_> {
                 depth: 0,
                 splits: 0,
                 glossy: false,
+                bounces: 0,
                 medium: NO_MEDIUM,
             };
             wave.paths.resize(wave.rays.len(), camera);

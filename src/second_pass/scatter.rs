@@ -1,6 +1,7 @@
 //! What becomes of a path where it meets a surface.
 
-use super::interpolate::DiffuseField;
+use super::direct::Shadows;
+use super::ladder::{Ladder, NEARBY};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
@@ -18,10 +19,12 @@ const SPLITS: u32 = 2;
 pub(super) struct Scatterer<'a> {
     pub geometry: &'a Geometry,
     pub appearance: &'a SampledAppearance,
-    pub field: &'a DiffuseField<'a>,
+    pub ladder: Ladder<'a>,
     pub settings: &'a SecondPassSettings,
     /// By surface.
     manners: Vec<Manner>,
+    /// Hemisphere rays that end on a surface after no more than this end nearby, by surface, m.
+    nearby: Vec<f64>,
     /// How far above a surface rays start, by surface, m.
     offset: Vec<f64>,
     /// Towards which place rays start aside, and by which share of the way, by surface: what is met just beyond an edge would
@@ -40,6 +43,8 @@ struct Manner {
     solid: bool,
     /// Whether the path may go on.
     goes_on: bool,
+    /// Whether it asks lamps for light, and gathers.
+    asks: bool,
 }
 
 /// Where a tile gathers its light, and room to work in.
@@ -54,6 +59,10 @@ pub(super) struct Film {
     reflected: Vec<f32>,
     transmitted: Vec<f32>,
     weights: Weights,
+    /// Paths at places that ask lamps and gather.
+    pub lit: Vec<u32>,
+    /// Room for what lamps are asked.
+    pub shadows: Shadows,
     /// Which paths of the wave may go on.
     going_on: Vec<u32>,
 }
@@ -69,6 +78,8 @@ impl Film {
             reflected: vec![0.0; w],
             transmitted: vec![0.0; w],
             weights: Weights::default(),
+            lit: Vec::new(),
+            shadows: Shadows::default(),
             going_on: Vec::new(),
         }
     }
@@ -98,7 +109,8 @@ impl<'a> Scatterer<'a> {
     pub fn new(
         geometry: &'a Geometry,
         appearance: &'a SampledAppearance,
-        field: &'a DiffuseField<'a>,
+        ladder: Ladder<'a>,
+        spacing: impl Fn(SurfaceId) -> f64,
         settings: &'a SecondPassSettings,
     ) -> Self {
         let surfaces = || (0..geometry.surfaces.len()).map(|s| SurfaceId(s as u32));
@@ -111,13 +123,15 @@ impl<'a> Scatterer<'a> {
                 black_behind: glass.is_none() && !geometry.two_sided[s.index()],
                 solid: matches!(glass, Some(Transmission::Solid { .. })),
                 goes_on: settings.passes == Passes::Both && material.is_specular(),
+                asks: ladder.direct.is_some() && material.diffuse.iter().any(|&d| d > 0.0),
             }
         });
         Scatterer {
             manners: manners.collect(),
             geometry,
             appearance,
-            field,
+            nearby: surfaces().map(|s| NEARBY * spacing(s)).collect(),
+            ladder,
             settings,
             offset,
             inset,
@@ -130,8 +144,15 @@ impl<'a> Scatterer<'a> {
     pub fn meet(&self, wave: &mut Wave, hits: &[Option<Hit>], film: &mut Film, next: &mut Wave) {
         next.clear();
         film.going_on.clear();
-        wide(Gather { scatterer: self, wave, hits, film });
+        film.lit.clear();
+        wide(Take { scatterer: self, wave, hits, film });
         let w = film.value.len();
+        if let Some(direct) = &self.ladder.direct {
+            direct.add(wave, hits, film);
+            if self.ladder.far.is_some() {
+                self.gather(wave, hits, film, next);
+            }
+        }
         let going_on = std::mem::take(&mut film.going_on);
         for k in going_on.iter().map(|&k| k as usize) {
             if let Some(hit) = &hits[k] {
@@ -353,22 +374,39 @@ impl<'a> Scatterer<'a> {
     fn bright(&self, throughput: &[f32]) -> f32 {
         throughput.iter().zip(&self.brightness).map(|(t, b)| t * b).sum()
     }
+
+    /// [`Scatterer::bright`] of what is left of a throughput where this share is reflected.
+    pub(super) fn bright_of(&self, throughput: &[f32], share: &[f32]) -> f32 {
+        throughput.iter().zip(share).zip(&self.brightness).map(|((t, s), b)| t * s * b).sum()
+    }
+
+    /// By how much a ray starts beside a place on a surface, on the side of `n`.
+    pub(super) fn start(&self, surface: SurfaceId, position: DVec3, n: DVec3) -> DVec3 {
+        let (centre, share) = self.inset[surface.index()];
+        share * (centre - position) + self.offset[surface.index()] * n
+    }
+
+    /// No longer hemisphere ray that ends on a surface ends nearby, m.
+    #[inline(always)]
+    pub(super) fn nearby(&self, surface: SurfaceId) -> f64 {
+        self.nearby[surface.index()]
+    }
 }
 
 /// The diffuse light that the paths of a wave meet.
-struct Gather<'a, 'b> {
+struct Take<'a, 'b> {
     scatterer: &'a Scatterer<'b>,
     wave: &'a mut Wave,
     hits: &'a [Option<Hit>],
     film: &'a mut Film,
 }
 
-impl HotLoop for Gather<'_, '_> {
+impl HotLoop for Take<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Gather { scatterer, wave, hits, film } = self;
+        let Take { scatterer, wave, hits, film } = self;
         let w = film.value.len();
         let paths = wave.rays.iter().zip(&wave.paths).zip(wave.throughput.chunks_exact_mut(w));
         for (k, (((ray, path), throughput), hit)) in paths.zip(hits).enumerate() {
@@ -384,12 +422,21 @@ impl HotLoop for Gather<'_, '_> {
             if back && manner.black_behind {
                 continue;
             }
-            scatterer.field.look(hit.surface, hit.side, met, &mut film.value, &mut film.weights);
+            let far = scatterer.is_far(path, hit);
+            let field = scatterer.ladder.far.filter(|_| far).unwrap_or(scatterer.ladder.near);
+            field.look(hit.surface, hit.side, met, &mut film.value, &mut film.weights);
+            if manner.asks && !far {
+                film.lit.push(k as u32);
+            }
+            if scatterer.ladder.direct.is_some() && path.bounces == 0 {
+                let emission = &scatterer.appearance.of(hit.surface).emission;
+                film.value.iter_mut().zip(emission).for_each(|(value, l)| *value += l);
+            }
             let sums = &mut film.radiance[path.pixel as usize * w..][..w];
             for ((sum, t), l) in sums.iter_mut().zip(throughput).zip(&film.value) {
                 *sum += f64::from(*t * l);
             }
-            if manner.goes_on {
+            if manner.goes_on && path.bounces == 0 {
                 film.going_on.push(k as u32);
             }
         }
@@ -404,7 +451,7 @@ fn scale(values: &mut [f32], throughput: &[f32], factor: f32) {
 
 /// Weights by which the brightness of a throughput is judged: how much each wavelength matters to
 /// X, Y and Z together, and for none nothing, so that no light can be dropped.
-fn brightness(xyz: &[[f64; 3]]) -> Vec<f32> {
+pub(super) fn brightness(xyz: &[[f64; 3]]) -> Vec<f32> {
     let matter: Vec<f64> = xyz.iter().map(|w| w.iter().map(|x| x.abs()).sum()).collect();
     let total: f64 = matter.iter().sum();
     let even = 1.0 / matter.len() as f64;

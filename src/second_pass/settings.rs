@@ -15,11 +15,29 @@ pub enum Passes {
     Both,
 }
 
+/// Where the second pass takes the diffuse light at a hit from: each rung is slower than the one before, and closer to the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rung {
+    /// The paper's: the first pass's, from the four closest sample points on the same surface.
+    #[default]
+    Interpolate,
+    /// What comes straight from lamps is asked of them, which makes shadows sharp; the rest is the first pass's.
+    Direct,
+    /// And the rest but for that over mirrors and glass is gathered over the hemisphere from the first pass.
+    Gather,
+}
+
 /// How the second pass samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondPassSettings {
     /// Which light the image shows.
     pub passes: Passes,
+    /// Where diffuse light comes from.
+    pub rung: Rung,
+    /// Lamps asked at every hit, but on the rung `interpolate`.
+    pub lamp_samples: u32,
+    /// Rays over the hemisphere of a hit on the rung `gather`.
+    pub gather_samples: u32,
     /// Camera rays a pixel, spread over its area (a box filter).
     pub samples: u32,
     /// Rays in the lobe of the first rough specular surface on a path; later ones send one.
@@ -37,6 +55,9 @@ impl Default for SecondPassSettings {
     fn default() -> Self {
         SecondPassSettings {
             passes: Passes::Both,
+            rung: Rung::default(),
+            lamp_samples: 1,
+            gather_samples: 2,
             samples: 16,
             lobe_samples: 8,
             max_depth: Self::MAX_DEPTH,
@@ -53,6 +74,13 @@ impl SecondPassSettings {
     /// An [`Error::Settings`] that says what to change, if anything.
     pub fn check(&self) -> Result<()> {
         let refuse = |what: String| Err(Error::Settings(what));
+        let more = self.lamp_samples.max(self.gather_samples);
+        if self.lamp_samples == 0 || self.gather_samples == 0 || more > 256 {
+            return refuse(format!(
+                "lamp samples ({}) and gather samples ({}) each lie between 1 and 256",
+                self.lamp_samples, self.gather_samples
+            ));
+        }
         let points = u64::from(self.samples) * u64::from(self.lobe_samples);
         if points == 0 || points > u64::from(MAX_POINTS) {
             return refuse(format!(
@@ -79,6 +107,10 @@ pub struct SecondPassStats {
     pub reflected_rays: u64,
     /// Rays sent on through glass.
     pub transmitted_rays: u64,
+    /// Rays sent over hemispheres.
+    pub gather_rays: u64,
+    /// Segments to lamps.
+    pub shadow_rays: u64,
     /// Rays that met nothing.
     pub missed_rays: u64,
     /// Paths that ended at the depth limit.
@@ -94,7 +126,7 @@ pub struct SecondPassStats {
 impl SecondPassStats {
     /// All rays cast.
     pub fn rays(&self) -> u64 {
-        self.camera_rays + self.reflected_rays + self.transmitted_rays
+        self.camera_rays + self.reflected_rays + self.transmitted_rays + self.gather_rays + self.shadow_rays
     }
 
     /// Adds the counts of another part of the image. `cut_share` is a plain sum until
@@ -103,6 +135,8 @@ impl SecondPassStats {
         self.camera_rays += other.camera_rays;
         self.reflected_rays += other.reflected_rays;
         self.transmitted_rays += other.transmitted_rays;
+        self.gather_rays += other.gather_rays;
+        self.shadow_rays += other.shadow_rays;
         self.missed_rays += other.missed_rays;
         self.paths_cut += other.paths_cut;
         self.cut_share += other.cut_share;

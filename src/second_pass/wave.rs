@@ -22,6 +22,8 @@ pub struct Path {
     pub splits: u32,
     /// Whether it has left a rough specular surface.
     pub glossy: bool,
+    /// How often it has left a diffuse surface to gather what falls on it.
+    pub bounces: u32,
     /// Material of the solid it is in, or [`NO_MEDIUM`].
     pub medium: u32,
 }

@@ -1,0 +1,318 @@
+//! What gives light, and how a place asks it: the light comes straight from an emitting surface, drawn by the solid angle
+//! that it subtends, or from a point light.
+
+use crate::geometry::{Round, Side, SurfaceId};
+use crate::scene::{Geometry, SampledAppearance};
+use glam::DVec3;
+
+/// Below this a triangle is drawn by area: its cosines and distances are all but the same, sr.
+const SMALL: f64 = 1e-3;
+
+/// Everything that emits.
+pub(super) struct Lamps {
+    lamps: Vec<Lamp>,
+}
+
+struct Lamp {
+    body: Body,
+    /// Unit normal on the emitting side at the middle; zero for what emits all around.
+    normal: DVec3,
+    middle: DVec3,
+    /// How bright it is from afar and from the front, at 1 m.
+    strength: f64,
+    /// Radius of a ball around it, m.
+    reach: f64,
+    source: Source,
+}
+
+enum Body {
+    /// One or two triangles.
+    Flat([[DVec3; 3]; 2], usize),
+    Round(Round, Side),
+    Point,
+}
+
+/// Whose light it is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// That of an emitting surface.
+    Surface(SurfaceId),
+    /// That of the point light of this number.
+    Light(usize),
+}
+
+/// Light that would come from a place on a lamp, were nothing in between.
+pub(super) struct Ask {
+    /// The place, m.
+    pub to: DVec3,
+    /// Whose light.
+    pub source: Source,
+    /// Irradiance per radiance of the surface, or per largest intensity of the point light.
+    pub weight: f64,
+}
+
+impl Lamps {
+    /// Of a scene.
+    pub fn new(geometry: &Geometry, appearance: &SampledAppearance, bright: impl Fn(&[f32]) -> f64) -> Self {
+        let mut lamps = Vec::new();
+        for (s, surface) in geometry.surfaces.iter().enumerate() {
+            let id = SurfaceId(s as u32);
+            let strength = bright(&appearance.of(id).emission) * surface.area;
+            if strength <= 0.0 {
+                continue;
+            }
+            let sides = if geometry.two_sided[s] { &[Side::Front, Side::Back][..] } else { &[Side::Front] };
+            for &side in sides {
+                let body = match surface.round() {
+                    Some(round) => Body::Round(round, side),
+                    None => {
+                        let (mut triangles, count) = surface.triangles();
+                        if side == Side::Back {
+                            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+                        }
+                        Body::Flat(triangles, count)
+                    }
+                };
+                let front = surface.plane().map_or(DVec3::ZERO, |plane| plane.normal);
+                let bounds = surface.bounds();
+                lamps.push(Lamp {
+                    body,
+                    normal: if side == Side::Front { front } else { -front },
+                    middle: bounds.centre(),
+                    strength,
+                    reach: 0.5 * bounds.size().length(),
+                    source: Source::Surface(id),
+                });
+            }
+        }
+        for (k, (light, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
+            let strength = bright(intensity);
+            if strength > 0.0 {
+                lamps.push(Lamp {
+                    body: Body::Point,
+                    normal: DVec3::ZERO,
+                    middle: light.position,
+                    strength,
+                    reach: 0.0,
+                    source: Source::Light(k),
+                });
+            }
+        }
+        Lamps { lamps }
+    }
+
+    /// Whether nothing emits.
+    pub fn is_empty(&self) -> bool {
+        self.lamps.is_empty()
+    }
+
+    /// Asks one lamp for its light at `x` on a surface with unit normal `n`, for three uniform numbers in [0, 1).
+    /// `None` where none can come from there. `chances` is room to work in.
+    pub fn ask(
+        &self,
+        geometry: &Geometry,
+        (x, n): (DVec3, DVec3),
+        u: [f64; 3],
+        chances: &mut Vec<f64>,
+    ) -> Option<Ask> {
+        chances.clear();
+        let mut total = 0.0;
+        chances.extend(self.lamps.iter().map(|lamp| {
+            total += lamp.promise(x, n);
+            total
+        }));
+        if total <= 0.0 {
+            return None;
+        }
+        let wanted = u[0] * total;
+        let at = chances.partition_point(|&c| c <= wanted).min(self.lamps.len() - 1);
+        let below = if at == 0 { 0.0 } else { chances[at - 1] };
+        let chance = (chances[at] - below) / total;
+        // What the choice left over is uniform too.
+        let rest = ((wanted - below) / (chances[at] - below)).clamp(0.0, 1.0 - f64::EPSILON);
+        self.lamps[at].ask(geometry, (x, n), [rest, u[1], u[2]], chance)
+    }
+}
+
+impl Lamp {
+    /// What may be expected of it at a place: 0 where nothing can come from.
+    fn promise(&self, x: DVec3, n: DVec3) -> f64 {
+        let way = self.middle - x;
+        let distance2 = way.length_squared();
+        let height = n.dot(way);
+        if height < -self.reach {
+            return 0.0;
+        }
+        let distance = distance2.sqrt().max(f64::MIN_POSITIVE);
+        let at_place = (height / distance).max(0.1);
+        let at_lamp = if self.normal == DVec3::ZERO {
+            1.0
+        } else {
+            let front = -self.normal.dot(way);
+            if front <= 0.0 {
+                return 0.0;
+            }
+            (front / distance).max(0.1)
+        };
+        self.strength * at_place * at_lamp / (distance2 + self.reach * self.reach)
+    }
+
+    fn ask(&self, geometry: &Geometry, (x, n): (DVec3, DVec3), u: [f64; 3], chance: f64) -> Option<Ask> {
+        let (to, over_density) = match &self.body {
+            Body::Point => {
+                let way = self.middle - x;
+                let distance2 = way.length_squared();
+                let Source::Light(k) = self.source else { return None };
+                let towards = geometry.lights[k].distribution.towards(-way / distance2.sqrt());
+                (self.middle, towards / distance2)
+            }
+            Body::Flat(triangles, count) => {
+                let angles = triangles.map(|t| solid_angle(x, t));
+                let all: f64 = angles[..*count].iter().sum();
+                if all <= 0.0 {
+                    return None;
+                }
+                let first = angles[0] / all;
+                let (t, angle, u0) = if *count == 1 || u[0] < first {
+                    (triangles[0], angles[0], u[0] / if *count == 1 { 1.0 } else { first })
+                } else {
+                    (triangles[1], angles[1], (u[0] - first) / (1.0 - first))
+                };
+                if angle > SMALL {
+                    let direction = in_spherical_triangle(t.map(|p| (p - x).normalize()), angle, [u0, u[1]]);
+                    let height = -self.normal.dot(self.middle - x);
+                    let distance = height / -self.normal.dot(direction);
+                    // Solid angle was drawn evenly over all of it.
+                    (x + distance * direction, all)
+                } else {
+                    let to = in_triangle(t, [u0, u[1]]);
+                    let way = to - x;
+                    let area = 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length();
+                    let share = angle / all;
+                    (to, geometric(way, self.normal) * area / share)
+                }
+            }
+            Body::Round(round, side) => {
+                let to = round.point_at(u[0], u[1]);
+                let normal = round.normal_at(to);
+                let normal = if *side == Side::Front { normal } else { -normal };
+                (to, geometric(to - x, normal) * round.area())
+            }
+        };
+        let way = to - x;
+        let cosine = n.dot(way) / way.length();
+        let weight = cosine * over_density / chance;
+        (cosine > 0.0 && weight > 0.0 && weight.is_finite()).then_some(Ask {
+            to,
+            source: self.source,
+            weight,
+        })
+    }
+}
+
+/// Solid angle per area of a surface with this normal at the end of a way.
+fn geometric(way: DVec3, normal: DVec3) -> f64 {
+    let distance2 = way.length_squared();
+    (-normal.dot(way)).max(0.0) / (distance2 * distance2.sqrt())
+}
+
+/// Solid angle of a triangle seen from `x` on its front, sr; 0 from behind (Van Oosterom and Strackee 1983).
+fn solid_angle(x: DVec3, triangle: [DVec3; 3]) -> f64 {
+    let [a, b, c] = triangle.map(|p| (p - x).normalize_or_zero());
+    let volume = -a.dot(b.cross(c));
+    let below = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
+    if volume > 0.0 { 2.0 * volume.atan2(below) } else { 0.0 }
+}
+
+/// A direction drawn evenly from a spherical triangle of this solid angle (Arvo 1995).
+fn in_spherical_triangle([a, b, c]: [DVec3; 3], angle: f64, u: [f64; 2]) -> DVec3 {
+    let tangent = |from: DVec3, to: DVec3| to.reject_from_normalized(from).normalize_or_zero();
+    let cos_alpha = tangent(a, b).dot(tangent(a, c)).clamp(-1.0, 1.0);
+    let alpha = cos_alpha.acos();
+    let cos_c = a.dot(b);
+    let (s, t) = (u[0] * angle - alpha).sin_cos();
+    let (u_, v) = (t - cos_alpha, s + alpha.sin() * cos_c);
+    let below = (v * s + u_ * t) * alpha.sin();
+    let q = if below == 0.0 { 1.0 } else { ((v * t - u_ * s) * cos_alpha - v) / below };
+    let q = q.clamp(-1.0, 1.0);
+    let third = q * a + (1.0 - q * q).sqrt() * tangent(a, c);
+    let z = 1.0 - u[1] * (1.0 - third.dot(b));
+    z * b + (1.0 - z * z).max(0.0).sqrt() * tangent(b, third)
+}
+
+/// A place drawn evenly from a triangle.
+fn in_triangle([a, b, c]: [DVec3; 3], u: [f64; 2]) -> DVec3 {
+    let root = u[0].sqrt();
+    a + root * (1.0 - u[1]) * (b - a) + root * u[1] * (c - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use crate::scene::ObjectId;
+
+    /// The middles of `n` x `n` cells of the unit square.
+    fn lattice(n: usize) -> impl Iterator<Item = [f64; 2]> {
+        (0..n * n).map(move |k| [k / n, k % n].map(|k| (k as f64 + 0.5) / n as f64))
+    }
+
+    #[test]
+    fn spherical_triangles_are_drawn_evenly() {
+        let triangle = [DVec3::new(1.0, 0.1, 0.0), DVec3::new(-0.2, 1.0, 0.3), DVec3::new(0.1, -0.2, 1.0)];
+        let x = DVec3::ZERO;
+        let flipped = [triangle[0], triangle[2], triangle[1]];
+        let angle = solid_angle(x, triangle).max(solid_angle(x, flipped));
+        assert!(angle > 1.0 && solid_angle(x, triangle).min(solid_angle(x, flipped)) == 0.0);
+        let corners = triangle.map(|p| p.normalize());
+        // The mean direction of a spherical polygon: half the sum of its edges' normals times their lengths.
+        let mut expected = DVec3::ZERO;
+        for k in 0..3 {
+            let (p, q) = (corners[k], corners[(k + 1) % 3]);
+            expected += 0.5 * p.angle_between(q) * p.cross(q).normalize();
+        }
+        let n = 200;
+        let mut sum = DVec3::ZERO;
+        for u in lattice(n) {
+            let d = in_spherical_triangle(corners, angle, u);
+            assert!((d.length() - 1.0).abs() < 1e-9);
+            sum += d;
+        }
+        let mean = sum * angle / (n * n) as f64;
+        assert!(mean.distance(expected) < 1e-4 * angle, "{mean} {expected}");
+    }
+
+    #[test]
+    fn what_is_asked_for_is_the_irradiance_of_a_rectangle() {
+        // A square of 2 m, 1 m over a place: F = 4 times that of a quarter, a corner over a parallel square.
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 1.0);
+        let quad = Shape::Quad([corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)]);
+        let floor = Shape::Quad(
+            [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0)),
+        );
+        let shapes = vec![(quad, false, 0, ObjectId(0)), (floor, false, 1, ObjectId(0))];
+        let geometry = Geometry::new(shapes, vec!["all".into()]);
+        let x = geometry.surfaces[1].middle();
+        let height = geometry.surfaces[0].middle().z - x.z;
+        let half = 1.0 / (1.0f64 + height * height).sqrt();
+        let exact = 4.0 * half * half.atan() / (2.0 * std::f64::consts::PI) * 2.0;
+        let (triangles, count) = geometry.surfaces[0].triangles();
+        let lamp = Lamp {
+            body: Body::Flat(triangles, count),
+            normal: geometry.surfaces[0].plane().map_or(DVec3::ZERO, |p| p.normal),
+            middle: geometry.surfaces[0].middle(),
+            strength: 1.0,
+            reach: 1.5,
+            source: Source::Surface(SurfaceId(0)),
+        };
+        let lamps = Lamps { lamps: vec![lamp] };
+        let mut chances = Vec::new();
+        let n = 200;
+        let total: f64 = lattice(n)
+            .filter_map(|[u, v]| lamps.ask(&geometry, (x, DVec3::Z), [u, v, 0.0], &mut chances))
+            .map(|ask| ask.weight)
+            .sum();
+        let found = total / (n * n) as f64 / std::f64::consts::PI;
+        assert!((found - exact).abs() < 1e-3 * exact, "{found} {exact}");
+    }
+}
