@@ -153,10 +153,13 @@ impl<'a> Relighter<'a> {
         let parts = settings.parts.then(|| {
             let mut direct = self.diffuse.irradiance(&system.emission, |_| true);
             direct.iter_mut().zip(&system.lights.irradiance).for_each(|(e, more)| *e += more);
+            // Where nothing is specular there are no chains, and no room for them.
+            let mut specular = solved.flow.irradiance.clone();
+            specular.resize(n * w, 0.0);
             Parts {
                 emission: by_point(&system.emission),
                 direct: by_point(&system.reflected(&direct)),
-                specular: by_point(&system.reflected(&solved.flow.irradiance)),
+                specular: by_point(&system.reflected(&specular)),
             }
         });
         self.runs += 1;
