@@ -309,6 +309,9 @@ pub struct BenchStages {
     /// Numbers of sample points, about; may be repeated
     #[arg(long, value_name = "N", default_values_t = [4_010, 8_000, 32_000])]
     pub points: Vec<usize>,
+    /// Also time the graph after these changes moved, added or removed objects
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Option<PathBuf>,
     /// meyer4, or how many bands from 380 to 780 nm
     #[arg(long, value_name = "meyer4|N", default_value = "meyer4")]
     pub wavelengths: String,
