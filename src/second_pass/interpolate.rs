@@ -20,7 +20,7 @@ use super::cover::{StandIn, covered, stand_ins};
 use super::feet::Feet;
 use super::lattice::{Lattice, sheet};
 use super::parted::{Parting, Weights};
-use super::shares::{blend, fan, quarter};
+use super::shares::{Mix, Shares, fan, quarter};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
 use crate::geometry::{Shape, Side, SurfaceId};
@@ -52,6 +52,8 @@ const OPEN: u32 = u32::MAX;
 
 #[derive(Clone, Copy)]
 struct Element {
+    /// That of its sample point.
+    number: u32,
     /// Lowest (u, v) of a quad's cell.
     low: DVec2,
     /// One over its size in u and v.
@@ -100,6 +102,7 @@ impl Interpolator {
             }
             let border = lattice.border.range(i);
             elements.push(Element {
+                number: i as u32,
                 low: cell.corners_uv(&surface.shape)[0],
                 scale: f64::from(1u32 << cell.level),
                 centre,
@@ -150,9 +153,10 @@ impl Interpolator {
     /// would else turn black.
     pub fn field(&self, solution: &DiffuseSolution) -> DiffuseField<'_> {
         let w = solution.wavelengths.len();
-        let centres = self.centres(solution, w);
+        let mut spectra = self.centres(solution, w);
+        spectra.resize((self.len() + self.stencils.len()) * w, 0.0);
+        let (centres, nodes) = spectra.split_at_mut(self.len() * w);
         let of = |element: u32| &centres[element as usize * w..];
-        let mut nodes = vec![0.0f32; self.stencils.len() * w];
         nodes.par_chunks_mut(w.max(1)).enumerate().for_each(|(node, out)| {
             let row = self.stencils.of(node);
             for (k, out) in out.iter_mut().enumerate().take(if row.is_empty() { 0 } else { w }) {
@@ -172,7 +176,7 @@ impl Interpolator {
                 nodes[node as usize * w + k] = mean;
             }
         }
-        DiffuseField { interpolator: self, centres, nodes, w }
+        DiffuseField { interpolator: self, spectra, w }
     }
 
     /// Radiance at the centres of all elements, `[N][W]`, covered ones stood in for.
@@ -191,10 +195,8 @@ impl Interpolator {
 /// L^d of a solution as a function of place.
 pub struct DiffuseField<'a> {
     interpolator: &'a Interpolator,
-    /// `[N][W]`.
-    centres: Vec<f32>,
-    /// `[nodes][W]`.
-    nodes: Vec<f32>,
+    /// That of the centres of all elements, then that of all nodes: `[N + nodes][W]`.
+    spectra: Vec<f32>,
     w: usize,
 }
 
@@ -206,7 +208,6 @@ impl DiffuseField<'_> {
     }
 
     /// [`DiffuseField::radiance`] with room to work in that is used again; `out` is as long as a spectrum.
-    #[inline(always)]
     pub(super) fn look(
         &self,
         surface: SurfaceId,
@@ -215,29 +216,61 @@ impl DiffuseField<'_> {
         out: &mut [f32],
         room: &mut Weights,
     ) {
-        let of = self.interpolator;
-        let chart = &of.charts[surface.index()];
-        let uv = chart.uv_of(position);
-        let Some(i) = of.cells.find(sheet(surface.index(), side), uv) else {
+        let Some((element, shares)) = self.find(surface, side, position) else {
             out.fill(0.0);
             return;
         };
-        let element = &of.elements[i];
+        let mix = self.mix(element, &shares);
+        self.blend(&mix, |at, group| out[at..at + group.len()].copy_from_slice(group));
+        if element.parting != OPEN {
+            let place = self.interpolator.charts[surface.index()].plane(position);
+            let parting = &self.interpolator.partings[element.parting as usize];
+            if let Some(whole) = parting.parts(place).then(|| parting.weigh(place, &shares, room)).flatten() {
+                self.part(whole, room, out);
+            }
+        }
+    }
+
+    /// What makes L^d at a place, for [`DiffuseField::blend`], where nothing is parted from it.
+    #[inline(always)]
+    pub(super) fn mix_at(&self, surface: SurfaceId, side: Side, position: DVec3) -> Option<Mix> {
+        let (element, shares) = self.find(surface, side, position)?;
+        let of = self.interpolator;
+        let parted = element.parting != OPEN
+            && of.partings[element.parting as usize].parts(of.charts[surface.index()].plane(position));
+        (!parted).then(|| self.mix(element, &shares))
+    }
+
+    /// The spectrum of a mixture, to `put` in groups: at which wavelength one begins, and its numbers.
+    #[inline(always)]
+    pub(super) fn blend(&self, mix: &Mix, put: impl FnMut(usize, &[f32])) {
+        mix.blend(&self.spectra, self.w, put);
+    }
+
+    /// The element at a place, if the side has any, and what the place takes in it.
+    #[inline(always)]
+    fn find(&self, surface: SurfaceId, side: Side, position: DVec3) -> Option<(&Element, Shares)> {
+        let of = self.interpolator;
+        let chart = &of.charts[surface.index()];
+        let uv = chart.uv_of(position);
+        let element = &of.elements[of.cells.find(sheet(surface.index(), side), uv)?];
         let shares = if element.regular {
             quarter(((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE))
         } else {
             fan(&of.border_at[element.border()], chart.plane(position) - element.centre)
         };
-        let w = self.w;
-        let border = &of.lattice.border.all()[element.border()];
-        let nodes = shares.nodes.map(|node| &self.nodes[border[node] as usize * w..][..w]);
-        let weights = shares.weights.map(|weight| weight as f32);
-        blend(shares.centre as f32, &self.centres[i * w..][..w], weights, nodes, out);
-        if element.parting != OPEN {
-            let place = chart.plane(position);
-            if let Some(whole) = of.partings[element.parting as usize].weigh(place, &shares, room) {
-                self.part(whole, room, out);
-            }
+        Some((element, shares))
+    }
+
+    #[inline(always)]
+    fn mix(&self, element: &Element, shares: &Shares) -> Mix {
+        let (count, border) =
+            (self.interpolator.elements.len() as u32, self.interpolator.lattice.border.all());
+        let node = |k: usize| count + border[element.border[0] as usize + shares.nodes[k]];
+        let [a, b, c] = shares.weights;
+        Mix {
+            spectra: [element.number, node(0), node(1), node(2)],
+            weights: [shares.centre, a, b, c].map(|weight| weight as f32),
         }
     }
 
@@ -247,7 +280,7 @@ impl DiffuseField<'_> {
         out.iter_mut().for_each(|out| *out *= whole as f32);
         for &(element, weight) in room.all() {
             let weight = ((1.0 - whole) * weight) as f32;
-            let centre = &self.centres[element as usize * self.w..][..self.w];
+            let centre = &self.spectra[element as usize * self.w..][..self.w];
             for (out, centre) in out.iter_mut().zip(centre) {
                 *out += weight * centre;
             }
@@ -257,10 +290,8 @@ impl DiffuseField<'_> {
     /// Feeds all that the radiance depends on, but for the geometry, to `hasher`.
     pub(super) fn hash(&self, hasher: &mut blake3::Hasher) {
         self.interpolator.cells.hash(hasher);
-        for values in [&self.centres, &self.nodes] {
-            for chunk in values.chunks(1 << 12) {
-                hasher.update(&chunk.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<u8>>());
-            }
+        for chunk in self.spectra.chunks(1 << 12) {
+            hasher.update(&chunk.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<u8>>());
         }
     }
 }

@@ -6,6 +6,7 @@ mod checkpoint;
 mod cover;
 mod eye;
 mod feet;
+mod gather;
 pub mod interpolate;
 mod lattice;
 mod lobe;

@@ -6,7 +6,7 @@ use super::eye::Look;
 use super::interpolate::{DiffuseField, Interpolator};
 use super::scatter::{Film, Scatterer};
 use super::settings::{SecondPassSettings, SecondPassStats};
-use super::wave::{NO_MEDIUM, Path, Wave};
+use super::wave::{Fresh, Wave};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
 use crate::observer::Observer;
@@ -227,23 +227,7 @@ impl Job<'_> {
             wave.clear();
             let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
             wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
-            let origin = wave.rays[0].origin;
-            let camera = Path {
-                start: origin,
-                pixel: 0,
-                index: 0,
-                depth: 0,
-                splits: 0,
-                glossy: false,
-                medium: NO_MEDIUM,
-            };
-            wave.paths.resize(wave.rays.len(), camera);
-            for (pixel, paths) in wave.paths.chunks_exact_mut(count as usize).enumerate() {
-                for (index, path) in (first..).zip(paths) {
-                    (path.pixel, path.index) = (pixel as u32, index);
-                }
-            }
-            wave.throughput.resize(wave.rays.len() * self.w, 1.0);
+            wave.fresh = Some(Fresh { first, count });
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {

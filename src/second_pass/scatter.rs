@@ -1,5 +1,6 @@
 //! What becomes of a path where it meets a surface.
 
+use super::gather::{Gather, Manner};
 use super::interpolate::DiffuseField;
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
@@ -8,7 +9,7 @@ use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
-use crate::simd::{HotLoop, wide};
+use crate::simd::wide;
 use glam::DVec3;
 
 /// Events at glass at which both branches are followed; later ones follow one by chance.
@@ -21,7 +22,7 @@ pub(super) struct Scatterer<'a> {
     pub field: &'a DiffuseField<'a>,
     pub settings: &'a SecondPassSettings,
     /// By surface.
-    manners: Vec<Manner>,
+    pub manners: Vec<Manner>,
     /// How far above a surface rays start, by surface, m.
     offset: Vec<f64>,
     /// Towards which place rays start aside, and by which share of the way, by surface: what is met just beyond an edge would
@@ -29,17 +30,6 @@ pub(super) struct Scatterer<'a> {
     inset: Vec<(DVec3, f64)>,
     /// Share of each wavelength in the brightness by which paths are chosen, sum 1.
     brightness: Vec<f32>,
-}
-
-/// What a path that meets a surface may have to do besides taking its diffuse light.
-#[derive(Clone, Copy)]
-struct Manner {
-    /// Whether its back is black, and only blocks.
-    black_behind: bool,
-    /// Whether what is behind it absorbs.
-    solid: bool,
-    /// Whether the path may go on.
-    goes_on: bool,
 }
 
 /// Where a tile gathers its light, and room to work in.
@@ -50,12 +40,14 @@ pub(super) struct Film {
     pub stats: SecondPassStats,
     /// Sobol' seed of each pixel.
     pub seeds: Vec<u32>,
-    value: Vec<f32>,
+    pub value: Vec<f32>,
     reflected: Vec<f32>,
     transmitted: Vec<f32>,
-    weights: Weights,
+    pub weights: Weights,
     /// Which paths of the wave may go on.
-    going_on: Vec<u32>,
+    pub going_on: Vec<u32>,
+    /// Those whose place is parted from some of what is around it.
+    pub parted: Vec<u32>,
 }
 
 impl Film {
@@ -70,6 +62,7 @@ impl Film {
             transmitted: vec![0.0; w],
             weights: Weights::default(),
             going_on: Vec::new(),
+            parted: Vec::new(),
         }
     }
 }
@@ -133,9 +126,11 @@ impl<'a> Scatterer<'a> {
         wide(Gather { scatterer: self, wave, hits, film });
         let w = film.value.len();
         let going_on = std::mem::take(&mut film.going_on);
+        let whole = vec![1.0; w];
         for k in going_on.iter().map(|&k| k as usize) {
+            let throughput = wave.throughput.get(k * w..(k + 1) * w).unwrap_or(&whole);
             if let Some(hit) = &hits[k] {
-                self.go_on(&wave.rays[k], hit, wave.paths[k], &wave.throughput[k * w..][..w], film, next);
+                self.go_on(&wave.rays[k], hit, wave.path(k), throughput, film, next);
             }
         }
         film.going_on = going_on;
@@ -184,7 +179,7 @@ impl<'a> Scatterer<'a> {
     /// Beer-Lambert along a segment inside a solid: the one the path entered, or, for a path
     /// that began inside, the one whose back it meets.
     #[cold]
-    fn absorb(&self, hit: &Hit, path: &Path, met: DVec3, throughput: &mut [f32]) {
+    pub fn absorb(&self, hit: &Hit, path: &Path, met: DVec3, throughput: &mut [f32]) {
         let inside = match self.appearance.materials.get(path.medium as usize) {
             Some(entered) => entered,
             None if hit.side == Side::Back => self.appearance.of(hit.surface),
@@ -352,47 +347,6 @@ impl<'a> Scatterer<'a> {
 
     fn bright(&self, throughput: &[f32]) -> f32 {
         throughput.iter().zip(&self.brightness).map(|(t, b)| t * b).sum()
-    }
-}
-
-/// The diffuse light that the paths of a wave meet.
-struct Gather<'a, 'b> {
-    scatterer: &'a Scatterer<'b>,
-    wave: &'a mut Wave,
-    hits: &'a [Option<Hit>],
-    film: &'a mut Film,
-}
-
-impl HotLoop for Gather<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Gather { scatterer, wave, hits, film } = self;
-        let w = film.value.len();
-        let paths = wave.rays.iter().zip(&wave.paths).zip(wave.throughput.chunks_exact_mut(w));
-        for (k, (((ray, path), throughput), hit)) in paths.zip(hits).enumerate() {
-            let Some(hit) = hit else {
-                film.stats.missed_rays += 1;
-                continue;
-            };
-            let manner = scatterer.manners[hit.surface.index()];
-            let (back, met) = (hit.side == Side::Back, ray.at(hit.t));
-            if path.medium != NO_MEDIUM || (back && manner.solid) {
-                scatterer.absorb(hit, path, met, throughput);
-            }
-            if back && manner.black_behind {
-                continue;
-            }
-            scatterer.field.look(hit.surface, hit.side, met, &mut film.value, &mut film.weights);
-            let sums = &mut film.radiance[path.pixel as usize * w..][..w];
-            for ((sum, t), l) in sums.iter_mut().zip(throughput).zip(&film.value) {
-                *sum += f64::from(*t * l);
-            }
-            if manner.goes_on {
-                film.going_on.push(k as u32);
-            }
-        }
     }
 }
 

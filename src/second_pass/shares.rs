@@ -51,35 +51,45 @@ pub(super) fn fan(places: &[[f32; 2]], d: DVec2) -> Shares {
     Shares { centre: 1.0 - s - t, nodes: [best, next, next], weights: [s, t, 0.0] }
 }
 
-/// The spectrum of shares `own` of `centre` and `weights` of `nodes`, not negative; all are as long as `out`. Weights of
-/// at most 1 lose nothing in `f32`.
-#[inline(always)]
-pub(super) fn blend(own: f32, centre: &[f32], weights: [f32; 3], nodes: [&[f32]; 3], out: &mut [f32]) {
-    // Most counts of wavelengths are made of these.
-    let done = blend_by::<8>(own, centre, weights, nodes, out);
-    let done =
-        done + blend_by::<4>(own, &centre[done..], weights, nodes.map(|n| &n[done..]), &mut out[done..]);
-    blend_by::<1>(own, &centre[done..], weights, nodes.map(|n| &n[done..]), &mut out[done..]);
+/// Four spectra, by their place among all, and a weight of each.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Mix {
+    pub spectra: [u32; 4],
+    /// Weights of at most 1 lose nothing in `f32`.
+    pub weights: [f32; 4],
 }
 
-/// [`blend`] of as many whole groups of `N` as there are; how many numbers that was.
-#[inline(always)]
-fn blend_by<const N: usize>(
-    own: f32,
-    centre: &[f32],
-    [ta, tb, tc]: [f32; 3],
-    nodes: [&[f32]; 3],
-    out: &mut [f32],
-) -> usize {
-    let (out, [a, b, c]) = (out.as_chunks_mut::<N>().0, nodes.map(|node| node.as_chunks::<N>().0));
-    for ((((out, m), a), b), c) in out.iter_mut().zip(centre.as_chunks::<N>().0).zip(a).zip(b).zip(c) {
-        // A place of its own lets the compiler see that nothing overlaps.
-        let mut group = [0.0; N];
-        for k in 0..N {
-            let sum = own * m[k] + (ta * a[k] + tb * b[k] + tc * c[k]);
-            group[k] = if sum > 0.0 { sum } else { 0.0 };
-        }
-        *out = group;
+impl Mix {
+    /// The mixture of `all`, `[..][W]`, not negative, to `put` in groups: at which wavelength one begins, and its numbers.
+    #[inline(always)]
+    pub fn blend(&self, all: &[f32], w: usize, mut put: impl FnMut(usize, &[f32])) {
+        let spectra = self.spectra.map(|of| &all[of as usize * w..][..w]);
+        // Most counts of wavelengths are made of eights and fours.
+        let mut done = self.blend_by::<8>(spectra, 0, &mut put);
+        done = self.blend_by::<4>(spectra, done, &mut put);
+        self.blend_by::<1>(spectra, done, &mut put);
     }
-    N * out.len()
+
+    /// As many whole groups of `N` as follow from wavelength `start`; where they end.
+    #[inline(always)]
+    fn blend_by<const N: usize>(
+        &self,
+        spectra: [&[f32]; 4],
+        start: usize,
+        put: &mut impl FnMut(usize, &[f32]),
+    ) -> usize {
+        let [own, ta, tb, tc] = self.weights;
+        let [m, a, b, c] = spectra.map(|of| of[start..].as_chunks::<N>().0);
+        let mut at = start;
+        for (((m, a), b), c) in m.iter().zip(a).zip(b).zip(c) {
+            let mut group = [0.0; N];
+            for k in 0..N {
+                let sum = own * m[k] + (ta * a[k] + tb * b[k] + tc * c[k]);
+                group[k] = if sum > 0.0 { sum } else { 0.0 };
+            }
+            put(at, &group);
+            at += N;
+        }
+        at
+    }
 }
