@@ -1,5 +1,6 @@
 //! The diffuse light that the paths of a wave meet.
 
+use super::interpolate::Found;
 use super::scatter::{Film, Scatterer};
 use super::shares::Mix;
 use super::wave::{Fresh, NO_MEDIUM, Wave};
@@ -114,25 +115,26 @@ impl Gather<'_, '_> {
             if manner.goes_on {
                 film.going_on.push(k as u32);
             }
-            match scatterer.field.mix_at(hit.surface, hit.side, met) {
-                Some(mix) => {
+            match scatterer.field.find(hit.surface, hit.side, met) {
+                Found::Black => {}
+                Found::Whole(mix) => {
                     taken[count] = Taken { path: k as u32, pixel: own, mix };
                     count += 1;
                 }
-                None => film.parted.push(k as u32),
+                Found::Parted(apart) => film.parted.push((k as u32, apart)),
             }
         }
         count
     }
 
-    /// What the paths take whose places are parted from some of what is around them, or black.
+    /// What the paths take whose places something may part from some of what is around them.
+    #[inline(always)]
     fn parted(&mut self) {
-        let Gather { scatterer, wave, hits, film } = self;
+        let Gather { scatterer, wave, film, .. } = self;
         let w = film.value.len();
-        for k in film.parted.drain(..).map(|k| k as usize) {
-            let Some(hit) = &hits[k] else { continue };
-            let met = wave.rays[k].at(hit.t);
-            scatterer.field.look(hit.surface, hit.side, met, &mut film.value, &mut film.weights);
+        for (k, apart) in film.parted.drain(..) {
+            let k = k as usize;
+            scatterer.field.part(&apart, &mut film.value, &mut film.weights);
             let sums = &mut film.radiance[wave.pixel(k) * w..][..w];
             match wave.throughput.get(k * w..(k + 1) * w) {
                 None => sums.iter_mut().zip(&film.value).for_each(|(sum, l)| *sum += f64::from(*l)),

@@ -52,8 +52,6 @@ const OPEN: u32 = u32::MAX;
 
 #[derive(Clone, Copy)]
 struct Element {
-    /// That of its sample point.
-    number: u32,
     /// Lowest (u, v) of a quad's cell.
     low: DVec2,
     /// One over its size in u and v.
@@ -102,7 +100,6 @@ impl Interpolator {
             }
             let border = lattice.border.range(i);
             elements.push(Element {
-                number: i as u32,
                 low: cell.corners_uv(&surface.shape)[0],
                 scale: f64::from(1u32 << cell.level),
                 centre,
@@ -192,6 +189,27 @@ impl Interpolator {
     }
 }
 
+/// What a place takes.
+pub(super) enum Found {
+    /// Nothing: no sample point lies on its side.
+    Black,
+    /// A mixture.
+    Whole(Mix),
+    /// What is left of a mixture.
+    Parted(Apart),
+}
+
+/// A place that something may part from some of what is around it.
+#[derive(Clone, Copy)]
+pub(super) struct Apart {
+    /// What it would take.
+    mix: Mix,
+    shares: Shares,
+    parting: u32,
+    /// In the plane, m.
+    place: DVec2,
+}
+
 /// L^d of a solution as a function of place.
 pub struct DiffuseField<'a> {
     interpolator: &'a Interpolator,
@@ -204,41 +222,42 @@ impl DiffuseField<'_> {
     /// L^d at `position` (local coordinates, on the surface) on one side, into `out[..W]`. A side
     /// without sample points is black.
     pub fn radiance(&self, surface: SurfaceId, side: Side, position: DVec3, out: &mut [f32]) {
-        self.look(surface, side, position, &mut out[..self.w], &mut Weights::default());
-    }
-
-    /// [`DiffuseField::radiance`] with room to work in that is used again; `out` is as long as a spectrum.
-    pub(super) fn look(
-        &self,
-        surface: SurfaceId,
-        side: Side,
-        position: DVec3,
-        out: &mut [f32],
-        room: &mut Weights,
-    ) {
-        let Some((element, shares)) = self.find(surface, side, position) else {
-            out.fill(0.0);
-            return;
-        };
-        let mix = self.mix(element, &shares);
-        self.blend(&mix, |at, group| out[at..at + group.len()].copy_from_slice(group));
-        if element.parting != OPEN {
-            let place = self.interpolator.charts[surface.index()].plane(position);
-            let parting = &self.interpolator.partings[element.parting as usize];
-            if let Some(whole) = parting.parts(place).then(|| parting.weigh(place, &shares, room)).flatten() {
-                self.part(whole, room, out);
+        let out = &mut out[..self.w];
+        match self.find(surface, side, position) {
+            Found::Black => out.fill(0.0),
+            Found::Whole(mix) => {
+                self.blend(&mix, |at, group| out[at..at + group.len()].copy_from_slice(group))
             }
+            Found::Parted(apart) => self.part(&apart, out, &mut Weights::default()),
         }
     }
 
-    /// What makes L^d at a place, for [`DiffuseField::blend`], where nothing is parted from it.
+    /// What a place takes, for [`DiffuseField::blend`] or, where something may part it from some of that, for
+    /// [`DiffuseField::part`]; nothing where the side is black.
     #[inline(always)]
-    pub(super) fn mix_at(&self, surface: SurfaceId, side: Side, position: DVec3) -> Option<Mix> {
-        let (element, shares) = self.find(surface, side, position)?;
+    pub(super) fn find(&self, surface: SurfaceId, side: Side, position: DVec3) -> Found {
         let of = self.interpolator;
-        let parted = element.parting != OPEN
-            && of.partings[element.parting as usize].parts(of.charts[surface.index()].plane(position));
-        (!parted).then(|| self.mix(element, &shares))
+        let chart = &of.charts[surface.index()];
+        let uv = chart.uv_of(position);
+        let Some(i) = of.cells.find(sheet(surface.index(), side), uv) else { return Found::Black };
+        let element = &of.elements[i];
+        let shares = if element.regular {
+            quarter(((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE))
+        } else {
+            fan(&of.border_at[element.border()], chart.plane(position) - element.centre)
+        };
+        let (count, border) = (of.elements.len() as u32, of.lattice.border.all());
+        let node = |k: usize| count + border[(element.border[0] + shares.nodes[k]) as usize];
+        let [a, b, c] = shares.weights;
+        let mix = Mix { spectra: [i as u32, node(0), node(1), node(2)], weights: [shares.centre, a, b, c] };
+        if element.parting == OPEN {
+            return Found::Whole(mix);
+        }
+        let place = chart.plane(position);
+        if !of.partings[element.parting as usize].parts(place) {
+            return Found::Whole(mix);
+        }
+        Found::Parted(Apart { mix, shares, parting: element.parting, place })
     }
 
     /// The spectrum of a mixture, to `put` in groups: at which wavelength one begins, and its numbers.
@@ -247,36 +266,13 @@ impl DiffuseField<'_> {
         mix.blend(&self.spectra, self.w, put);
     }
 
-    /// The element at a place, if the side has any, and what the place takes in it.
+    /// The spectrum of a place that something may part from some of what is around it, into `out`, which is as long as
+    /// a spectrum.
     #[inline(always)]
-    fn find(&self, surface: SurfaceId, side: Side, position: DVec3) -> Option<(&Element, Shares)> {
-        let of = self.interpolator;
-        let chart = &of.charts[surface.index()];
-        let uv = chart.uv_of(position);
-        let element = &of.elements[of.cells.find(sheet(surface.index(), side), uv)?];
-        let shares = if element.regular {
-            quarter(((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE))
-        } else {
-            fan(&of.border_at[element.border()], chart.plane(position) - element.centre)
-        };
-        Some((element, shares))
-    }
-
-    #[inline(always)]
-    fn mix(&self, element: &Element, shares: &Shares) -> Mix {
-        let (count, border) =
-            (self.interpolator.elements.len() as u32, self.interpolator.lattice.border.all());
-        let node = |k: usize| count + border[element.border[0] as usize + shares.nodes[k]];
-        let [a, b, c] = shares.weights;
-        Mix {
-            spectra: [element.number, node(0), node(1), node(2)],
-            weights: [shares.centre, a, b, c].map(|weight| weight as f32),
-        }
-    }
-
-    /// Leaves a share of `whole` of what is in `out` and adds what parted elements give.
-    #[inline(always)]
-    fn part(&self, whole: f64, room: &Weights, out: &mut [f32]) {
+    pub(super) fn part(&self, apart: &Apart, out: &mut [f32], room: &mut Weights) {
+        self.blend(&apart.mix, |at, group| out[at..at + group.len()].copy_from_slice(group));
+        let parting = &self.interpolator.partings[apart.parting as usize];
+        let Some(whole) = parting.weigh(apart.place, &apart.shares, room) else { return };
         out.iter_mut().for_each(|out| *out *= whole as f32);
         for &(element, weight) in room.all() {
             let weight = ((1.0 - whole) * weight) as f32;

@@ -125,7 +125,7 @@ impl Parting {
     }
 
     /// Whether something parts `place` in the element from what it would take from.
-    #[inline]
+    #[inline(always)]
     pub fn parts(&self, place: DVec2) -> bool {
         let inwards = self.inwards(place);
         let words = self.sources.len().div_ceil(WORD);
@@ -146,6 +146,7 @@ impl Parting {
     /// open ways keep their share of the weight. The weights are left in `room`; the result is how much of the radiance as
     /// if nothing were parted stays: 0 but where that is extrapolated, and next to nothing is parted. `None`
     /// where nothing is parted, as where [`Parting::parts`] says so.
+    #[inline(always)]
     pub fn weigh(&self, place: DVec2, shares: &Shares, room: &mut Weights) -> Option<f64> {
         let inwards = self.inwards(place);
         // What the covered would say they have from all sides.
@@ -173,11 +174,12 @@ impl Parting {
         }
         room.of.clear();
         room.of.extend(self.sources.iter().map(|source| (source.element, 0.0)));
-        room.of[0].1 = shares.centre;
+        room.of[0].1 = f64::from(shares.centre);
         for (&node, weight) in shares.nodes.iter().zip(shares.weights) {
+            let node = node as usize;
             let start = if node > 0 { self.ends[node - 1] } else { 0 };
             for &(source, share) in &self.entries[start as usize..self.ends[node] as usize] {
-                room.of[source as usize].1 += weight * f64::from(share);
+                room.of[source as usize].1 += f64::from(weight * share);
             }
         }
         let (mut all, mut closed, mut negative) = (0.0, 0.0, 0.0);

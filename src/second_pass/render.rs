@@ -9,6 +9,7 @@ use super::settings::{SecondPassSettings, SecondPassStats};
 use super::wave::{Fresh, Wave};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
+use crate::geometry::Hit;
 use crate::observer::Observer;
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
 use crate::simd::wide;
@@ -161,6 +162,14 @@ fn check_solution(scene: &LitScene) -> Result<()> {
     Ok(())
 }
 
+/// Room for the waves of a tile, to be used again for the next.
+#[derive(Default)]
+struct Room {
+    wave: Wave,
+    next: Wave,
+    hits: Vec<Option<Hit>>,
+}
+
 /// What every tile needs to know.
 struct Job<'a> {
     scatterer: Scatterer<'a>,
@@ -190,8 +199,8 @@ impl Job<'_> {
     ) -> Result<SecondPassStats> {
         let tiles: Vec<Film> = (0..self.width.div_ceil(TILE))
             .into_par_iter()
-            .map(|column| {
-                let film = self.tile(column, number);
+            .map_init(Room::default, |room, column| {
+                let film = self.tile(column, number, room);
                 observer.advance(1);
                 film
             })
@@ -208,7 +217,7 @@ impl Job<'_> {
     }
 
     /// Renders one tile.
-    fn tile(&self, column: usize, band: usize) -> Film {
+    fn tile(&self, column: usize, band: usize, Room { wave, next, hits }: &mut Room) -> Film {
         let (low, [columns, rows]) = self.extent(column, band);
         let settings = self.scatterer.settings;
         let pixels = columns * rows;
@@ -220,7 +229,6 @@ impl Job<'_> {
             })
             .collect();
         let mut film = Film::new(seeds, self.w);
-        let (mut wave, mut next, mut hits) = (Wave::default(), Wave::default(), Vec::new());
         let samples = (BATCH / pixels).max(1) as u32;
         for first in (0..settings.samples).step_by(samples as usize) {
             let count = samples.min(settings.samples - first);
@@ -232,9 +240,9 @@ impl Job<'_> {
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {
                 hits.resize(wave.rays.len(), None);
-                self.tracer.closest_batch(&wave.rays, &mut hits);
-                self.scatterer.meet(&mut wave, &hits, &mut film, &mut next);
-                std::mem::swap(&mut wave, &mut next);
+                self.tracer.closest_batch(&wave.rays, hits);
+                self.scatterer.meet(wave, hits, &mut film, next);
+                std::mem::swap(wave, next);
             }
         }
         for sum in &mut film.radiance {

@@ -1,7 +1,7 @@
 //! What becomes of a path where it meets a surface.
 
 use super::gather::{Gather, Manner};
-use super::interpolate::DiffuseField;
+use super::interpolate::{Apart, DiffuseField};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
@@ -47,7 +47,7 @@ pub(super) struct Film {
     /// Which paths of the wave may go on.
     pub going_on: Vec<u32>,
     /// Those whose place is parted from some of what is around it.
-    pub parted: Vec<u32>,
+    pub parted: Vec<(u32, Apart)>,
 }
 
 impl Film {
