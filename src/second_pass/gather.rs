@@ -7,8 +7,7 @@ use super::wave::{Fresh, NO_MEDIUM, Wave};
 use crate::geometry::{Hit, Side};
 use crate::simd::HotLoop;
 
-/// Hits that are looked up before the spectra of any are blended: two short loops keep a processor busier than a
-/// long one, in which every step waits for the one before.
+/// Hits that are looked up before the spectra of any are blended: two loops, each on one subject.
 const BLOCK: usize = 64;
 
 /// What a path that meets a surface may have to do besides taking its diffuse light.
