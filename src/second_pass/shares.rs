@@ -16,7 +16,7 @@ pub(super) struct Shares {
 pub(super) fn quarter(local: DVec2) -> Shares {
     // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
     let (right, upper) = (u32::from(local.x > 0.5), u32::from(local.y > 0.5));
-    let corner = 2 * (3 * upper ^ right);
+    let corner = 2 * ((3 * upper) ^ right);
     let (s, t) = ((2.0 * (local.x - 0.5)).abs() as f32, (2.0 * (local.y - 0.5)).abs() as f32);
     let (rest_s, rest_t) = (1.0 - s, 1.0 - t);
     Shares {
