@@ -393,6 +393,33 @@ static void closest_singly(const lux_scene *scene, const lux_ray *rays, uint64_t
     leave_batch(before);
 }
 
+/* Traces the rays in packet, those in the lanes that are valid. */
+static void trace_packet(const lux_scene *scene, const int *valid, struct roomy_hits *packet, lux_hit *hits) {
+    memset(packet->of.hit.geomID, 0xFF, sizeof packet->of.hit.geomID);
+    memset(packet->of.hit.instID, 0xFF, sizeof packet->of.hit.instID);
+    intersect16(valid, scene->scene, &packet->of);
+    for (int lane = 0; lane < LUX_PACKET; lane++) {
+        unsigned geometry = packet->of.hit.geomID[lane];
+        int met = valid[lane] && geometry != RTC_INVALID_GEOMETRY_ID;
+        hits[lane].t = packet->of.ray.tfar[lane];
+        hits[lane].surface = met ? surface_met(scene, geometry, packet->of.hit.primID[lane]) : LUX_MISS;
+        hits[lane].half = met && packet->of.hit.u[lane] + packet->of.hit.v[lane] > 1.0f;
+    }
+}
+
+void lux_closest_packets(const lux_scene *scene, const lux_packet *packets, uint64_t count, lux_hit *hits) {
+    unsigned before = enter_batch();
+    for (uint64_t k = 0; k < count; k++, hits += LUX_PACKET) {
+        struct roomy_hits packet;
+        _Alignas(64) int valid[LUX_PACKET];
+        memcpy(&packet.of.ray, &packets[k], sizeof packet.of.ray);
+        /* A lane takes part unless its ray is empty. */
+        for (int i = 0; i < LUX_PACKET; i++) valid[i] = packets[k].t_min[i] <= packets[k].t_max[i] ? -1 : 0;
+        trace_packet(scene, valid, &packet, hits);
+    }
+    leave_batch(before);
+}
+
 /* Packets as in lux_occluded_packets below. */
 void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lux_hit *hits) {
     uint64_t i = 0;
@@ -400,20 +427,8 @@ void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lu
     for (; i + LUX_PACKET <= count; i += LUX_PACKET) {
         struct roomy_hits packet;
         _Alignas(64) int valid[LUX_PACKET];
-        for (int lane = 0; lane < LUX_PACKET; lane++) {
-            fill16(&packet.of.ray, valid, lane, &rays[i + lane]);
-            packet.of.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
-            packet.of.hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
-        }
-        intersect16(valid, scene->scene, &packet.of);
-        for (int lane = 0; lane < LUX_PACKET; lane++) {
-            unsigned geometry = packet.of.hit.geomID[lane];
-            hits[i + lane] = (lux_hit){rays[i + lane].t_max, LUX_MISS, 0};
-            if (!valid[lane] || geometry == RTC_INVALID_GEOMETRY_ID) continue;
-            hits[i + lane].t = packet.of.ray.tfar[lane];
-            hits[i + lane].surface = surface_met(scene, geometry, packet.of.hit.primID[lane]);
-            hits[i + lane].half = packet.of.hit.u[lane] + packet.of.hit.v[lane] > 1.0f;
-        }
+        for (int lane = 0; lane < LUX_PACKET; lane++) fill16(&packet.of.ray, valid, lane, &rays[i + lane]);
+        trace_packet(scene, valid, &packet, hits + i);
     }
     leave_batch(before);
     closest_singly(scene, rays + i, count - i, hits + i);

@@ -87,6 +87,9 @@ void lux_scene_free(lux_scene *scene);
 /* The closest hit of each of count rays. */
 void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lux_hit *hits);
 
+/* The closest hit of each ray of count packets, LUX_PACKET hits a packet. */
+void lux_closest_packets(const lux_scene *scene, const lux_packet *packets, uint64_t count, lux_hit *hits);
+
 /* Whether anything blocks each of count rays: 1 or 0. */
 void lux_occluded(const lux_scene *scene, const lux_ray *rays, uint64_t count, uint8_t *blocked);
 

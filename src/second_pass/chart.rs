@@ -18,8 +18,8 @@ pub struct Chart {
     /// v0 - v1 + v2 - v3 of a quad: what makes it more than a parallelogram. Zero for a triangle.
     g: DVec2,
     triangle: bool,
-    /// What (u, v) are of a place in the plane, for triangles and parallelograms.
-    linear: Option<[DVec2; 2]>,
+    /// What (u, v) are of a place relative to v0, for triangles and parallelograms.
+    linear: Option<[DVec3; 2]>,
 }
 
 /// A quad bent less than this, as a share of its edges, is a parallelogram: rounding makes true ones so.
@@ -62,7 +62,7 @@ impl Chart {
             chart.g = chart.plane(v[2]) - chart.e - chart.f;
         }
         if chart.g.length() <= PARALLELOGRAM * (chart.e.length() + chart.f.length()) {
-            let across = |d: DVec2| DVec2::new(d.y, -d.x) / chart.e.perp_dot(chart.f);
+            let across = |d: DVec2| (d.y * chart.x - d.x * chart.y) / chart.e.perp_dot(chart.f);
             chart.linear = Some([across(chart.f), -across(chart.e)]);
         }
         chart
@@ -102,21 +102,26 @@ impl Chart {
         nearest
     }
 
+    /// (u, v) of the place `p`, brought into the surface.
+    #[inline(always)]
+    pub fn uv_of(&self, p: DVec3) -> DVec2 {
+        let Some([of_u, of_v]) = self.linear else { return self.uv(self.plane(p)) };
+        let d = p - self.origin;
+        let uv = DVec2::new(clamp_unit(of_u.dot(d)), clamp_unit(of_v.dot(d)));
+        if self.triangle { uv / (uv.x + uv.y).max(1.0) } else { uv }
+    }
+
     /// (u, v) of the place in the plane `h`, brought into the surface.
     ///
     /// For a quad h = u e + v f + u v g. Eliminating u leaves
     /// (g × f) v² + (h × g + e × f) v + h × e = 0, whose slope at the root inside a convex quad is
     /// the Jacobian and so positive: that root is taken, in the form that does not cancel.
     #[inline]
-    pub fn uv(&self, h: DVec2) -> DVec2 {
+    fn uv(&self, h: DVec2) -> DVec2 {
         if let Some((_, width)) = self.round {
             return DVec2::new(clamp_unit(h.x / width), clamp_unit(h.y / width));
         }
         let (e, f, g) = (self.e, self.f, self.g);
-        if let Some([of_u, of_v]) = self.linear {
-            let uv = DVec2::new(clamp_unit(of_u.dot(h)), clamp_unit(of_v.dot(h)));
-            return if self.triangle { uv / (uv.x + uv.y).max(1.0) } else { uv };
-        }
         let (a, b, c) = (g.perp_dot(f), h.perp_dot(g) + e.perp_dot(f), h.perp_dot(e));
         let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
         let v = clamp_unit(if b >= 0.0 { -2.0 * c / (b + root) } else { (root - b) / (2.0 * a) });
@@ -126,6 +131,7 @@ impl Chart {
 }
 
 /// Into 0..1; what is not a number becomes 0.
+#[inline(always)]
 fn clamp_unit(x: f64) -> f64 {
     if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
@@ -160,7 +166,7 @@ mod tests {
                     if matches!(surface.shape, Shape::Triangle(_)) && u + v > 1.0 {
                         continue;
                     }
-                    let back = chart.uv(chart.plane(surface.point_at(u, v)));
+                    let back = chart.uv_of(surface.point_at(u, v));
                     // Compared in space: at a corner that is all but straight (u, v) is ill defined.
                     let error = (surface.point_at(back.x, back.y) - surface.point_at(u, v)).length();
                     assert!(error < 1e-7, "{surface:?} at {u} {v}: {back}");

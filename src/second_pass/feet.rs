@@ -74,19 +74,9 @@ impl Feet {
         found
     }
 
-    /// Number of all feet.
-    pub fn len(&self) -> usize {
-        self.feet.len()
-    }
-
-    /// Where the feet of element `i` lie among all.
-    pub fn range(&self, i: usize) -> std::ops::Range<usize> {
-        self.starts[i] as usize..self.starts[i + 1] as usize
-    }
-
     /// Feet on and around element `i`.
     pub fn of(&self, i: usize) -> &[Foot] {
-        &self.feet[self.range(i)]
+        &self.feet[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 }
 
@@ -169,34 +159,56 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// How open the straight way from `p` to `q` is, 0 to 1, continuous but for `p` on a foot.
-pub(super) fn openness(feet: &[Foot], p: DVec2, q: DVec2) -> f64 {
-    let way = q - p;
-    let soft = SOFT * way.length();
-    let side = |at: DVec2| way.perp_dot(at - p);
-    feet.iter().fold(1.0, |open, foot| {
-        let [a, b] = *foot;
-        let along = b - a;
+/// Feet, and which of them join at their ends.
+pub(super) struct Chain {
+    feet: Box<[Foot]>,
+    /// By foot and end: the others that begin, end or pass there.
+    joined: Box<[[Box<[u32]>; 2]]>,
+}
+
+impl Chain {
+    /// Of the feet around one element.
+    pub fn new(feet: &[Foot]) -> Self {
+        let joined = |foot: &Foot, end: DVec2| {
+            let near = JOINED * foot[0].distance(foot[1]);
+            let others = feet.iter().enumerate();
+            let joins = others.filter(|(_, other)| *other != foot && distance(end, **other) <= near);
+            joins.map(|(number, _)| number as u32).collect()
+        };
+        let joined = feet.iter().map(|foot| foot.map(|end| joined(foot, end)));
+        Chain { feet: feet.into(), joined: joined.collect() }
+    }
+
+    /// The feet.
+    pub fn feet(&self) -> &[Foot] {
+        &self.feet
+    }
+
+    /// How open foot `number` leaves the straight way from `p` to `q`, which lie on two sides of its line: 0 to 1,
+    /// continuous but for `p` on the foot.
+    #[inline]
+    pub fn openness(&self, number: usize, p: DVec2, q: DVec2) -> f64 {
+        let way = q - p;
+        let side = |at: DVec2| way.perp_dot(at - p);
+        let [a, b] = self.feet[number];
         let (side_a, side_b) = (side(a), side(b));
-        if (side_a < 0.0) == (side_b < 0.0) || side_of(*foot, p) == side_of(*foot, q) {
-            return open;
+        if (side_a < 0.0) == (side_b < 0.0) {
+            return 1.0;
         }
-        let length = along.length();
-        let from_a = length * side_a / (side_a - side_b);
         // An end is free unless another foot goes on from there, away from the way.
-        let goes_on = |end: DVec2| {
-            feet.iter().filter(|other| *other != foot).any(|&[c, d]| {
-                let beyond = [c, d].into_iter().any(|o| side(o) * side(end).signum() > side(end).abs());
-                beyond && distance(end, [c, d]) <= JOINED * length
+        let goes_on = |end: usize, side_end: f64| {
+            self.joined[number][end].iter().any(|&other| {
+                let beyond = |at: DVec2| side(at) * side_end.signum() > side_end.abs();
+                self.feet[other as usize].into_iter().any(beyond)
             })
         };
-        let miss = [(a, from_a), (b, length - from_a)]
-            .into_iter()
-            .filter(|(end, _)| !goes_on(*end))
-            .map(|(_, miss)| miss)
-            .fold(f64::INFINITY, f64::min);
-        open * (1.0 - miss / soft).max(0.0)
-    })
+        let length = a.distance(b);
+        let from_a = length * side_a / (side_a - side_b);
+        let miss_a = if goes_on(0, side_a) { f64::INFINITY } else { from_a };
+        let miss_b = if goes_on(1, side_b) { f64::INFINITY } else { length - from_a };
+        let soft = SOFT * way.length();
+        (1.0 - miss_a.min(miss_b) / soft).max(0.0)
+    }
 }
 
 /// Distance of `p` from a segment.
@@ -212,6 +224,12 @@ mod tests {
 
     fn foot(ax: f64, ay: f64, bx: f64, by: f64) -> Foot {
         [DVec2::new(ax, ay), DVec2::new(bx, by)]
+    }
+
+    fn openness(feet: &[Foot], p: DVec2, q: DVec2) -> f64 {
+        let chain = Chain::new(feet);
+        let apart = (0..feet.len()).filter(|&k| side_of(feet[k], p) != side_of(feet[k], q));
+        apart.fold(1.0, |open, number| open * chain.openness(number, p, q))
     }
 
     #[test]

@@ -56,6 +56,12 @@ impl Lists {
         &self.items[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 
+    /// All lists.
+    #[inline(always)]
+    pub fn all(&self) -> &[u32] {
+        &self.items
+    }
+
     /// Where list `i` lies among all items.
     #[inline]
     pub fn range(&self, i: usize) -> std::ops::Range<usize> {

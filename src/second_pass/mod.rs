@@ -1,16 +1,21 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
+mod cells;
 mod chart;
 mod checkpoint;
 mod cover;
+mod eye;
 mod feet;
+mod gather;
 pub mod interpolate;
 mod lattice;
 mod lobe;
+mod parted;
 mod probe;
 mod render;
 mod scatter;
 mod settings;
+mod shares;
 mod stencil;
 mod wave;
 

@@ -56,15 +56,7 @@ impl<'a> Probe<'a> {
             hits.clear();
             hits.resize(wave.rays.len(), None);
             tracer.closest_batch(&wave.rays, &mut hits);
-            next.clear();
-            let throughputs = wave.throughput.chunks_exact_mut(w);
-            for (((ray, &path), hit), throughput) in
-                wave.rays.iter().zip(&wave.paths).zip(&hits).zip(throughputs)
-            {
-                if let Some(hit) = hit {
-                    self.scatterer.meet(ray, hit, path, throughput, &mut film, &mut next);
-                }
-            }
+            self.scatterer.meet(&mut wave, &hits, &mut film, &mut next);
             if std::mem::take(&mut first) {
                 film.radiance.fill(0.0);
             }

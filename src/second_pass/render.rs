@@ -2,15 +2,17 @@
 
 use super::SpectralImage;
 use super::checkpoint::{Checkpoint, Writer};
+use super::eye::Look;
 use super::interpolate::{DiffuseField, Interpolator};
 use super::scatter::{Film, Scatterer};
 use super::settings::{SecondPassSettings, SecondPassStats};
-use super::wave::{NO_MEDIUM, Path, Wave};
+use super::wave::{Fresh, Wave};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
-use crate::geometry::{Hit, Ray};
+use crate::geometry::Hit;
 use crate::observer::Observer;
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
+use crate::simd::wide;
 use crate::tracers::RayTracer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -160,6 +162,14 @@ fn check_solution(scene: &LitScene) -> Result<()> {
     Ok(())
 }
 
+/// Room for the waves of a tile, to be used again for the next.
+#[derive(Default)]
+struct Room {
+    wave: Wave,
+    next: Wave,
+    hits: Vec<Option<Hit>>,
+}
+
 /// What every tile needs to know.
 struct Job<'a> {
     scatterer: Scatterer<'a>,
@@ -189,8 +199,8 @@ impl Job<'_> {
     ) -> Result<SecondPassStats> {
         let tiles: Vec<Film> = (0..self.width.div_ceil(TILE))
             .into_par_iter()
-            .map(|column| {
-                let film = self.tile(column, number);
+            .map_init(Room::default, |room, column| {
+                let film = self.tile(column, number, room);
                 observer.advance(1);
                 film
             })
@@ -207,7 +217,7 @@ impl Job<'_> {
     }
 
     /// Renders one tile.
-    fn tile(&self, column: usize, band: usize) -> Film {
+    fn tile(&self, column: usize, band: usize, Room { wave, next, hits }: &mut Room) -> Film {
         let (low, [columns, rows]) = self.extent(column, band);
         let settings = self.scatterer.settings;
         let pixels = columns * rows;
@@ -219,56 +229,26 @@ impl Job<'_> {
             })
             .collect();
         let mut film = Film::new(seeds, self.w);
-        let (mut wave, mut next, mut hits) = (Wave::default(), Wave::default(), Vec::new());
         let samples = (BATCH / pixels).max(1) as u32;
         for first in (0..settings.samples).step_by(samples as usize) {
+            let count = samples.min(settings.samples - first);
             wave.clear();
-            for pixel in 0..pixels {
-                let (x, y) = place(pixel);
-                for index in first..settings.samples.min(first + samples) {
-                    let [dx, dy, ..] = sobol_burley::sample_4d(index, 0, film.seeds[pixel]);
-                    let ray = self.view.ray(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
-                    let ray = Ray { t_min: self.near, ..ray };
-                    let path = Path {
-                        start: ray.origin,
-                        pixel: pixel as u32,
-                        index,
-                        depth: 0,
-                        splits: 0,
-                        glossy: false,
-                        medium: NO_MEDIUM,
-                    };
-                    wave.rays.push(ray);
-                    wave.paths.push(path);
-                }
-            }
-            wave.throughput.resize(wave.rays.len() * self.w, 1.0);
+            let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
+            wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
+            wave.fresh = Some(Fresh { first, count });
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {
-                hits.clear();
                 hits.resize(wave.rays.len(), None);
-                self.advance(&mut wave, &mut hits, &mut film, &mut next);
-                std::mem::swap(&mut wave, &mut next);
+                self.tracer.closest_batch(&wave.rays, hits);
+                self.scatterer.meet(wave, hits, &mut film, next);
+                std::mem::swap(wave, next);
             }
         }
         for sum in &mut film.radiance {
             *sum /= f64::from(settings.samples);
         }
         film
-    }
-
-    /// Traces all rays of `wave` and fills `next` with those that follow.
-    fn advance(&self, wave: &mut Wave, hits: &mut [Option<Hit>], film: &mut Film, next: &mut Wave) {
-        next.clear();
-        self.tracer.closest_batch(&wave.rays, hits);
-        let throughputs = wave.throughput.chunks_exact_mut(self.w);
-        for (((ray, path), hit), throughput) in wave.rays.iter().zip(&wave.paths).zip(hits).zip(throughputs) {
-            match hit {
-                Some(hit) => self.scatterer.meet(ray, hit, *path, throughput, film, next),
-                None => film.stats.missed_rays += 1,
-            }
-        }
     }
 
     /// Copies a tile into the rows of its band.

@@ -1,12 +1,15 @@
 //! What becomes of a path where it meets a surface.
 
-use super::interpolate::DiffuseField;
+use super::gather::{Gather, Manner};
+use super::interpolate::{Apart, DiffuseField};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
+use super::parted::Weights;
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
 use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
+use crate::simd::wide;
 use glam::DVec3;
 
 /// Events at glass at which both branches are followed; later ones follow one by chance.
@@ -18,6 +21,8 @@ pub(super) struct Scatterer<'a> {
     pub appearance: &'a SampledAppearance,
     pub field: &'a DiffuseField<'a>,
     pub settings: &'a SecondPassSettings,
+    /// By surface.
+    pub manners: Vec<Manner>,
     /// How far above a surface rays start, by surface, m.
     offset: Vec<f64>,
     /// Towards which place rays start aside, and by which share of the way, by surface: what is met just beyond an edge would
@@ -35,9 +40,14 @@ pub(super) struct Film {
     pub stats: SecondPassStats,
     /// Sobol' seed of each pixel.
     pub seeds: Vec<u32>,
-    value: Vec<f32>,
+    pub value: Vec<f32>,
     reflected: Vec<f32>,
     transmitted: Vec<f32>,
+    pub weights: Weights,
+    /// Which paths of the wave may go on.
+    pub going_on: Vec<u32>,
+    /// Those whose place is parted from some of what is around it.
+    pub parted: Vec<(u32, Apart)>,
 }
 
 impl Film {
@@ -50,6 +60,9 @@ impl Film {
             value: vec![0.0; w],
             reflected: vec![0.0; w],
             transmitted: vec![0.0; w],
+            weights: Weights::default(),
+            going_on: Vec::new(),
+            parted: Vec::new(),
         }
     }
 }
@@ -84,7 +97,17 @@ impl<'a> Scatterer<'a> {
         let surfaces = || (0..geometry.surfaces.len()).map(|s| SurfaceId(s as u32));
         let offset: Vec<f64> = surfaces().map(|s| ray_offset(geometry, s)).collect();
         let inset = surfaces().zip(&offset).map(|(s, offset)| inset(geometry, s, *offset)).collect();
+        let manners = surfaces().map(|s| {
+            let material = appearance.of(s);
+            let glass = &material.transmission;
+            Manner {
+                black_behind: glass.is_none() && !geometry.two_sided[s.index()],
+                solid: matches!(glass, Some(Transmission::Solid { .. })),
+                goes_on: settings.passes == Passes::Both && material.is_specular(),
+            }
+        });
         Scatterer {
+            manners: manners.collect(),
             geometry,
             appearance,
             field,
@@ -95,43 +118,35 @@ impl<'a> Scatterer<'a> {
         }
     }
 
-    /// Adds what the path sees at `hit` to the film and what it sends on to `next`. `ray` is
-    /// unit; `throughput` is spent.
-    pub fn meet(
-        &self,
-        ray: &Ray,
-        hit: &Hit,
-        path: Path,
-        throughput: &mut [f32],
-        film: &mut Film,
-        next: &mut Wave,
-    ) {
+    /// Adds what the paths of `wave` see at `hits` to the film, and fills `next` with what they send on. Rays are
+    /// unit; throughputs are spent.
+    pub fn meet(&self, wave: &mut Wave, hits: &[Option<Hit>], film: &mut Film, next: &mut Wave) {
+        next.clear();
+        film.going_on.clear();
+        wide(Gather { scatterer: self, wave, hits, film });
+        let w = film.value.len();
+        let going_on = std::mem::take(&mut film.going_on);
+        let whole = vec![1.0; w];
+        for k in going_on.iter().map(|&k| k as usize) {
+            let throughput = wave.throughput.get(k * w..(k + 1) * w).unwrap_or(&whole);
+            if let Some(hit) = &hits[k] {
+                self.go_on(&wave.rays[k], hit, wave.path(k), throughput, film, next);
+            }
+        }
+        film.going_on = going_on;
+    }
+
+    /// Sends on to `next` what leaves the surface that a path met.
+    fn go_on(&self, ray: &Ray, hit: &Hit, path: Path, throughput: &[f32], film: &mut Film, next: &mut Wave) {
         let surface = self.geometry.surface(hit.surface);
         let material = self.appearance.of(hit.surface);
         let met = ray.at(hit.t);
         let normal = surface.normal_at(met);
         let n = if hit.side == Side::Front { normal } else { -normal };
         let position = met - surface.distance(met) * normal;
-        self.absorb(material, hit.side, &path, position, throughput);
-
         let glass = material.transmission.is_some();
-        if hit.side == Side::Back && !glass && !self.geometry.two_sided[hit.surface.index()] {
-            return;
-        }
-        self.field.radiance(hit.surface, hit.side, position, &mut film.value);
-        let w = throughput.len();
-        let pixel = path.pixel as usize;
-        for ((sum, t), l) in
-            film.radiance[pixel * w..(pixel + 1) * w].iter_mut().zip(&*throughput).zip(&film.value)
-        {
-            *sum += f64::from(t * l);
-        }
-        if self.settings.passes == Passes::FirstPassOnly || !material.is_specular() {
-            return;
-        }
-
         let i = -ray.direction;
-        let seed = film.seeds[pixel];
+        let seed = film.seeds[path.pixel as usize];
         // The rays of a rough lobe draw their own.
         let rough = !glass && material.m > 0.0;
         let u = if rough { [0.0; 4] } else { self.uniform(&path, seed) };
@@ -163,14 +178,15 @@ impl<'a> Scatterer<'a> {
 
     /// Beer-Lambert along a segment inside a solid: the one the path entered, or, for a path
     /// that began inside, the one whose back it meets.
-    fn absorb(&self, met: &SampledMaterial, side: Side, path: &Path, end: DVec3, throughput: &mut [f32]) {
+    #[cold]
+    pub fn absorb(&self, hit: &Hit, path: &Path, met: DVec3, throughput: &mut [f32]) {
         let inside = match self.appearance.materials.get(path.medium as usize) {
             Some(entered) => entered,
-            None if side == Side::Back => met,
+            None if hit.side == Side::Back => self.appearance.of(hit.surface),
             None => return,
         };
         if let Some(Transmission::Solid { absorption, .. }) = &inside.transmission {
-            let length = path.start.distance(end);
+            let length = path.start.distance(self.geometry.surface(hit.surface).project(met));
             for (t, a) in throughput.iter_mut().zip(absorption) {
                 *t *= (-f64::from(*a) * length).exp() as f32;
             }

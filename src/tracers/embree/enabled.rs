@@ -1,21 +1,23 @@
 //! The tracer over Embree: `f32` traversal, `f64` ray limits and hit distances.
 
-use super::packet::Filling;
+use super::face::Face;
+use super::packet::{EMPTY_PACKET, Filling};
+use super::query::{Frame, Pack, Span, single};
 use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, lux_hit, lux_ray, lux_round};
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Hit, Ray, Round, Surface, SurfaceId};
+use crate::geometry::{Hit, Ray, Round, Surface, SurfaceId};
 use crate::scene::Geometry;
-use crate::tracers::brute_force::{self, BruteForce, side_met};
+use crate::simd::{HotLoop, wide};
+use crate::tracers::brute_force::{self, BruteForce};
 use crate::tracers::{RayTracer, Segment};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Rays per call: what fits the first-level cache with its answers.
-const BATCH: usize = 256;
+/// Packets per call: what fits the first-level cache with its answers.
+const PACKETS: usize = 8;
 
-/// Units in the last place (`f32`) of the scene's size by which Embree's distances are taken to be
-/// uncertain, so that the limits of a ray can be decided in `f64`.
-const LIMIT_ULPS: f64 = 32.0;
+/// Rays per call.
+const BATCH: usize = PACKETS * LANES;
 
 /// How often Embree is asked for what lies beyond a hit that does not count, before all surfaces are
 /// tested in `f64` instead.
@@ -41,10 +43,7 @@ pub struct EmbreeTracer {
     scene: raw::Scene,
     surfaces: Vec<Surface>,
     faces: Vec<Face>,
-    /// Distance of the furthest corner from the local origin, m.
-    radius: f64,
-    /// Lengths in Embree's scene over lengths in ours.
-    scale: f32,
+    frame: Frame,
     version: String,
 }
 
@@ -103,9 +102,8 @@ impl EmbreeTracer {
         Ok(EmbreeTracer {
             scene,
             surfaces: geometry.surfaces.clone(),
-            faces: geometry.surfaces.iter().map(Face::new).collect(),
-            radius,
-            scale,
+            faces: geometry.surfaces.iter().map(|surface| Face::new(surface, radius)).collect(),
+            frame: Frame { radius, scale: f64::from(scale) },
             version,
         })
     }
@@ -113,47 +111,31 @@ impl EmbreeTracer {
     /// Rays made ready to be traced again and again with as little around Embree as can be: the ceiling
     /// of everything that casts them.
     pub fn bare_loop(&self, rays: &[Ray]) -> BareLoop<'_> {
-        let rays: Vec<_> = rays.iter().map(|ray| Query::new(ray, self.radius, self.scale).ray).collect();
+        let rays: Vec<_> = rays.iter().map(|ray| single(ray, &self.frame).0).collect();
         let found = vec![NO_HIT; rays.len()];
         BareLoop { scene: &self.scene, rays, found }
     }
 
-    /// The `f64` hit behind Embree's answer to `query`, looking further along the ray while what Embree
+    /// The `f64` hit behind Embree's answer to a ray, looking further along it while what Embree
     /// met turns out to lie at or before the ray's start, or beside the surface: all of Embree's tests are noise for
     /// a triangle in whose plane the ray runs.
-    #[inline]
-    fn decide(&self, ray: &Ray, query: &Query, found: lux_hit) -> Option<Hit> {
+    #[inline(always)]
+    fn decide(&self, ray: &Ray, span: &Span, found: lux_hit) -> Option<Hit> {
         let face = self.faces.get(found.surface as usize)?;
-        match self.confirm(ray, query, face, found) {
-            Some(t) => self.within(ray, found.surface, t),
-            None => self.look_beyond(ray, query, found),
+        match face.confirm(ray, span, found, &self.frame) {
+            Some(t) => face.hit(ray, t, found.surface),
+            None => self.look_beyond(ray, found),
         }
-    }
-
-    /// The `f64` parameter of what Embree met, if it counts but for the far limit.
-    #[inline]
-    fn confirm(&self, ray: &Ray, query: &Query, face: &Face, found: lux_hit) -> Option<f64> {
-        let rough = query.parameter(found.t);
-        let t = face
-            .parameter(ray, found.half)
-            .filter(|t| (t - rough).abs() * query.length <= 1e-3 * self.radius)
-            .unwrap_or(rough);
-        (t > ray.t_min && self.is_near(face, ray, t)).then_some(t)
-    }
-
-    #[inline]
-    fn within(&self, ray: &Ray, surface: u32, t: f64) -> Option<Hit> {
-        let side = side_met(&self.surfaces[surface as usize], ray, t);
-        (t < ray.t_max).then_some(Hit { surface: SurfaceId(surface), t, side })
     }
 
     /// What lies beyond a hit that does not count.
     #[cold]
-    fn look_beyond(&self, ray: &Ray, query: &Query, mut found: lux_hit) -> Option<Hit> {
+    fn look_beyond(&self, ray: &Ray, mut found: lux_hit) -> Option<Hit> {
+        let (query, span) = single(ray, &self.frame);
         for _ in 1..TURNS {
             // A denormal would not move on: Embree runs with denormals taken as zero.
             let beyond = found.t.max(f32::MIN_POSITIVE).next_up();
-            let mut rest = [lux_ray { t_min: beyond, ..query.ray }];
+            let mut rest = [lux_ray { t_min: beyond, ..query }];
             let mut next = [NO_HIT];
             self.scene.closest(&mut rest, &mut next);
             if next[0].t < beyond {
@@ -161,20 +143,12 @@ impl EmbreeTracer {
             }
             found = next[0];
             let face = self.faces.get(found.surface as usize)?;
-            if let Some(t) = self.confirm(ray, query, face, found) {
-                return self.within(ray, found.surface, t);
+            if let Some(t) = face.confirm(ray, &span, found, &self.frame) {
+                return face.hit(ray, t, found.surface);
             }
         }
         // A triangle in whose plane the ray runs may be met again and again, a step of f32 further each time.
         BruteForce::over(&self.surfaces).closest(ray)
-    }
-
-    /// Whether the point at `t` lies in the surface's box, as far as `f32` can tell.
-    #[inline]
-    fn is_near(&self, face: &Face, ray: &Ray, t: f64) -> bool {
-        let slack = 2.0 * LIMIT_ULPS * f64::from(f32::EPSILON) * self.radius
-            + 8.0 * f64::EPSILON * length_bound(ray.origin);
-        Aabb { min: face.bounds.min - slack, max: face.bounds.max + slack }.contains(ray.at(t))
     }
 
     /// How many of the segments from `from` to each of `to`, for all `(from, to)` in turn, nothing blocks. Packets
@@ -200,7 +174,7 @@ impl EmbreeTracer {
     #[inline]
     fn occluded_packet(&self, filling: &mut Filling) -> u16 {
         let mut blocked = [0];
-        self.scene.occluded_packets(filling.rays(self.scale), &mut blocked);
+        self.scene.occluded_packets(filling.rays(self.frame.scale as f32), &mut blocked);
         blocked[0]
     }
 
@@ -208,7 +182,7 @@ impl EmbreeTracer {
         let mut rays = [EMPTY_RAY; LANES];
         let mut answers = [0u8; LANES];
         for (ray, segment) in rays.iter_mut().zip(segments) {
-            *ray = segment_ray(segment, self.scale);
+            *ray = segment_ray(segment, self.frame.scale as f32);
         }
         self.scene.occluded(&mut rays[..segments.len()], &mut answers);
         for (blocked, answer) in blocked.iter_mut().zip(answers) {
@@ -216,19 +190,37 @@ impl EmbreeTracer {
         }
     }
 
-    fn closest_chunk(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        let mut queries = [Query { ray: EMPTY_RAY, length: 0.0, moved: 0.0, scale: 1.0 }; BATCH];
-        let (mut asked, mut found) = ([EMPTY_RAY; BATCH], [NO_HIT; BATCH]);
-        for ((query, asked), ray) in queries.iter_mut().zip(&mut asked).zip(rays) {
-            *query = Query::new(ray, self.radius, self.scale);
-            *asked = query.ray;
+    /// The closest hits of up to [`BATCH`] rays, in packets whose last lanes may stay empty.
+    fn closest_few(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        let mut packets = [EMPTY_PACKET; PACKETS];
+        let mut spans = [[Span { moved: 0.0, shrink: 1.0 }; LANES]; PACKETS];
+        let mut found = [NO_HIT; BATCH];
+        let used = rays.len().div_ceil(LANES);
+        for ((rays, packet), spans) in rays.chunks(LANES).zip(&mut packets).zip(&mut spans) {
+            wide(Pack { rays, frame: &self.frame, packet, spans });
         }
-        self.scene.closest(&mut asked[..rays.len()], &mut found);
-        for (((hit, ray), query), found) in hits.iter_mut().zip(rays).zip(&queries).zip(found) {
-            *hit = match found.surface {
-                raw::LUX_MISS => None,
-                _ => self.decide(ray, query, found),
-            };
+        self.scene.closest_packets(&packets[..used], &mut found);
+        wide(Decide { tracer: self, rays, spans: spans.as_flattened(), found: &found, hits });
+    }
+}
+
+/// Decides on what Embree found.
+struct Decide<'a> {
+    tracer: &'a EmbreeTracer,
+    rays: &'a [Ray],
+    spans: &'a [Span],
+    found: &'a [lux_hit],
+    hits: &'a mut [Option<Hit>],
+}
+
+impl HotLoop for Decide<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (((hit, ray), span), found) in self.hits.iter_mut().zip(self.rays).zip(self.spans).zip(self.found)
+        {
+            *hit = self.tracer.decide(ray, span, *found);
         }
     }
 }
@@ -239,15 +231,15 @@ impl RayTracer for EmbreeTracer {
     }
 
     fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let query = Query::new(ray, self.radius, self.scale);
+        let (query, span) = single(ray, &self.frame);
         let mut found = [NO_HIT];
-        self.scene.closest(&mut [query.ray], &mut found);
-        self.decide(ray, &query, found[0])
+        self.scene.closest(&mut [query], &mut found);
+        self.decide(ray, &span, found[0])
     }
 
     fn closest_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
-            self.closest_chunk(rays, hits);
+            self.closest_few(rays, hits);
         }
     }
 
@@ -301,55 +293,6 @@ impl BareLoop<'_> {
     }
 }
 
-/// A ray as Embree sees it: unit direction, so that its parameter is a length, and an origin that is
-/// moved up to the scene if it lies far before it, so that rounding it to `f32` costs nothing.
-#[derive(Clone, Copy)]
-struct Query {
-    ray: lux_ray,
-    /// Length of the caller's direction.
-    length: f64,
-    /// How far the origin was moved, m.
-    moved: f64,
-    /// See [`EmbreeTracer`].
-    scale: f64,
-}
-
-impl Query {
-    #[inline]
-    fn new(ray: &Ray, radius: f64, scale: f32) -> Self {
-        let scale = f64::from(scale);
-        let length = ray.direction.length();
-        let unit = ray.direction / length;
-        let (start, end) = (ray.t_min * length, ray.t_max * length);
-        // No surface lies before the tangent plane of the sphere around the scene.
-        let entry = -ray.origin.dot(unit) - 1.01 * radius;
-        let moved = if entry > 0.0 || start < 0.0 { start.max(entry) } else { 0.0 };
-        let origin = ray.origin + moved * unit;
-        let slack = LIMIT_ULPS * f64::from(f32::EPSILON) * (radius + length_bound(origin));
-        let limited = lux_ray {
-            origin: (scale * origin).as_vec3().to_array(),
-            t_min: (scale * (start - moved - slack)).max(0.0) as f32,
-            direction: unit.as_vec3().to_array(),
-            t_max: (scale * (end - moved + slack)) as f32,
-        };
-        // Limits that are no limits (NaN), or that exclude one another, hit nothing.
-        let ray = if ray.t_min < ray.t_max { limited } else { EMPTY_RAY };
-        Query { ray, length, moved, scale }
-    }
-
-    /// The caller's ray parameter at Embree's.
-    #[inline]
-    fn parameter(&self, t: f32) -> f64 {
-        (self.moved + f64::from(t) / self.scale) / self.length
-    }
-}
-
-/// No less than the length of `v`, and no more than √3 times it: without a root.
-#[inline]
-fn length_bound(v: DVec3) -> f64 {
-    v.x.abs() + v.y.abs() + v.z.abs()
-}
-
 /// The ray from one end of a segment to the other, less its margins. A segment that is not finite
 /// becomes a ray that is not, and so hits nothing.
 fn segment_ray(segment: &Segment, scale: f32) -> lux_ray {
@@ -359,36 +302,6 @@ fn segment_ray(segment: &Segment, scale: f32) -> lux_ray {
         t_min: margin,
         direction: (scale * (segment.to - segment.from)).to_array(),
         t_max: 1.0 - margin,
-    }
-}
-
-/// What confirming a hit needs to know of a surface.
-struct Face {
-    /// A corner and the normal, of any length, of the triangles v0 v1 v3 and v2 v3 v1.
-    planes: [[DVec3; 2]; 2],
-    round: Option<Round>,
-    bounds: Aabb,
-}
-
-impl Face {
-    fn new(surface: &Surface) -> Self {
-        let plane = |[a, b, c]: [DVec3; 3]| [a, (b - a).cross(c - a)];
-        let (triangles, _) = surface.triangles();
-        Face { planes: triangles.map(plane), round: surface.round(), bounds: surface.bounds() }
-    }
-
-    /// Where `ray` crosses the plane of the triangle met, or the disc or sphere, by the same formula as the brute
-    /// force tracer; `None` if it runs along it.
-    #[inline]
-    fn parameter(&self, ray: &Ray, half: u32) -> Option<f64> {
-        let t = match &self.round {
-            Some(round) => round.crossings(ray)[half.min(1) as usize],
-            None => {
-                let [a, normal] = self.planes[usize::from(half == 1)];
-                normal.dot(a - ray.origin) / normal.dot(ray.direction)
-            }
-        };
-        t.is_finite().then_some(t)
     }
 }
 

@@ -6,7 +6,11 @@
 #[cfg(feature = "embree")]
 mod enabled;
 #[cfg(feature = "embree")]
+mod face;
+#[cfg(feature = "embree")]
 mod packet;
+#[cfg(feature = "embree")]
+mod query;
 #[cfg(feature = "embree")]
 #[allow(unsafe_code)]
 mod raw;

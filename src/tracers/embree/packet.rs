@@ -13,21 +13,22 @@ pub struct Filling {
     count: usize,
 }
 
+/// Rays that hit nothing, safe to hand over.
+pub const EMPTY_PACKET: Packet = Packet(lux_packet {
+    origin: [[0.0; LANES]; 3],
+    t_min: [0.0; LANES],
+    direction: [[1.0; LANES]; 3],
+    time: [0.0; LANES],
+    t_max: [-1.0; LANES],
+    mask: [u32::MAX; LANES],
+    limit: [-1.0; LANES],
+    flags: [0; LANES],
+});
+
 impl Filling {
     /// No ray.
     pub fn new() -> Self {
-        let column = [0.0; LANES];
-        let packet = Packet(lux_packet {
-            origin: [column; 3],
-            t_min: column,
-            direction: [column; 3],
-            time: column,
-            t_max: column,
-            mask: [u32::MAX; LANES],
-            limit: column,
-            flags: [0; LANES],
-        });
-        Filling { packet, to: [column; 3], count: 0 }
+        Filling { packet: EMPTY_PACKET, to: [[0.0; LANES]; 3], count: 0 }
     }
 
     /// Adds a segment; true when that was the last there is room for.

@@ -91,6 +91,22 @@ impl Scene {
         }
     }
 
+    /// The closest hit of each ray of `packets`, which must be safe to hand over: every float within the header's limits.
+    pub fn closest_packets(&self, packets: &[Packet], hits: &mut [lux_hit]) {
+        let count = packets.len().min(hits.len() / LANES);
+        debug_assert!(packets.iter().all(is_safe));
+        // SAFETY: as in `closest`, but that the caller has seen to the floats, without which Embree would stop the process
+        // and not corrupt it; a `Packet` has the layout that the header asks for.
+        unsafe {
+            ffi::lux_closest_packets(
+                self.handle.as_ptr(),
+                packets.as_ptr().cast(),
+                count as u64,
+                hits.as_mut_ptr(),
+            );
+        }
+    }
+
     /// Whether something blocks each ray, 1 or 0. Rays that Embree must not see become empty.
     pub fn occluded(&self, rays: &mut [lux_ray], blocked: &mut [u8]) {
         let count = rays.len().min(blocked.len());
@@ -133,6 +149,14 @@ fn empty_unsafe(rays: &mut [lux_ray]) {
             *ray = EMPTY_RAY;
         }
     }
+}
+
+/// Whether Embree may see all rays of a packet.
+fn is_safe(Packet(rays): &Packet) -> bool {
+    let [x, y, z] = &rays.origin;
+    let [u, v, w] = &rays.direction;
+    [x, y, z, u, v, w].into_iter().flatten().all(|x| x.abs() <= LARGEST)
+        && (rays.t_min.iter().zip(&rays.t_max)).all(|(from, to)| *from >= 0.0 && !to.is_nan())
 }
 
 /// [`empty_unsafe`] for the rays of a packet.

@@ -1,0 +1,72 @@
+//! What tells in `f64` where a ray meets a surface that Embree found.
+
+use super::query::{Frame, LIMIT_ULPS, Span, length_bound};
+use super::raw::lux_hit;
+use crate::geometry::{Aabb, Hit, Ray, Round, Side, Surface, SurfaceId};
+use crate::tracers::brute_force::side_met;
+use glam::DVec3;
+
+/// What confirming a hit needs to know of a surface.
+pub struct Face {
+    /// A corner and the normal, of any length, of the triangles v0 v1 v3 and v2 v3 v1.
+    planes: [[DVec3; 2]; 2],
+    /// Of the surface's (mean) plane, if it has one.
+    normal: DVec3,
+    /// The box around it, and a little more, m.
+    bounds: Aabb,
+    round: Option<(Round, Surface)>,
+}
+
+impl Face {
+    /// For `surface` in a scene of `radius`, m.
+    pub fn new(surface: &Surface, radius: f64) -> Self {
+        let plane = |[a, b, c]: [DVec3; 3]| [a, (b - a).cross(c - a)];
+        let (triangles, _) = surface.triangles();
+        let slack = 2.0 * LIMIT_ULPS * f64::from(f32::EPSILON) * radius;
+        let Aabb { min, max } = surface.bounds();
+        Face {
+            planes: triangles.map(plane),
+            normal: surface.plane().map_or(DVec3::ZERO, |plane| plane.normal),
+            bounds: Aabb { min: min - slack, max: max + slack },
+            round: surface.round().map(|round| (round, *surface)),
+        }
+    }
+
+    /// The `f64` parameter of what Embree found, if it counts but for the far limit: not at or before the ray's start, and
+    /// in the surface's box as far as `f32` can tell.
+    #[inline(always)]
+    pub fn confirm(&self, ray: &Ray, span: &Span, found: lux_hit, frame: &Frame) -> Option<f64> {
+        let rough = span.parameter(found.t, frame);
+        let exact = self.parameter(ray, found.half);
+        let t = if (exact - rough).abs() <= 1e-3 * frame.radius * span.shrink { exact } else { rough };
+        let at = ray.at(t);
+        let slack = 8.0 * f64::EPSILON * length_bound(ray.origin);
+        let Aabb { min, max } = self.bounds;
+        let near = at.cmpge(min - slack) & at.cmple(max + slack);
+        ((t > ray.t_min) & near.all()).then_some(t)
+    }
+
+    /// Where `ray` crosses the plane of the triangle met, or the disc or sphere, by the same formula as the brute
+    /// force tracer; not finite if it runs along it.
+    #[inline(always)]
+    fn parameter(&self, ray: &Ray, half: u32) -> f64 {
+        match &self.round {
+            Some((round, _)) => round.crossings(ray)[half.min(1) as usize],
+            None => {
+                let [a, normal] = self.planes[usize::from(half == 1)];
+                normal.dot(a - ray.origin) / normal.dot(ray.direction)
+            }
+        }
+    }
+
+    /// The hit at parameter `t` of surface `id`.
+    #[inline(always)]
+    pub fn hit(&self, ray: &Ray, t: f64, id: u32) -> Option<Hit> {
+        let side = match &self.round {
+            Some((_, surface)) => side_met(surface, ray, t),
+            None if self.normal.dot(ray.direction) <= 0.0 => Side::Front,
+            None => Side::Back,
+        };
+        (t < ray.t_max).then_some(Hit { surface: SurfaceId(id), t, side })
+    }
+}
