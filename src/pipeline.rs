@@ -46,30 +46,67 @@ pub fn prepare(
 ) -> Result<Prepared> {
     let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
     let voxels = Voxels::build(geometry, &settings.voxels);
-    let mut points = points::sample(geometry, &sampling, &voxels)?;
-    let resample =
-        |elements: &[Element]| SamplePoints::new(geometry, elements, voxels.len(), |p| voxels.locate(p));
+    let points = points::sample(geometry, &sampling, &voxels)?;
     let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
-        let (points, mut graph) = file::load(path, &request, geometry, resample)?;
+        let (points, mut graph) = file::load(path, &request, geometry, |e| resample(geometry, &voxels, e))?;
         graph.look_at_lights(geometry, &points, tracer);
         let interpolator = Interpolator::new(geometry, &points, tracer);
         return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
     }
-    let mut graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
-    for _ in 0..REFINEMENT_ROUNDS {
-        let Some(elements) = points::refine(geometry, &sampling, &points, |i, j| graph.unblocked(i, j))?
-        else {
-            break;
-        };
-        points = resample(&elements);
-        graph = VisibilityGraph::build(geometry, &points, tracer, observer)?;
-    }
+    let build = |points: &SamplePoints| VisibilityGraph::build(geometry, points, tracer, observer);
+    let (points, graph) = refined(geometry, &sampling, &voxels, points, build)?;
     if let Some(path) = graph_file {
         file::save(path, &request, &points, &graph)?;
     }
     let interpolator = Interpolator::new(geometry, &points, tracer);
     Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
+}
+
+/// What [`prepare`] makes of `geometry`, to the bit, where `before` was prepared of another geometry: what both see alike is
+/// taken from its graph. It takes the less time the fewer surfaces have moved, come or gone.
+///
+/// # Errors
+/// Those of [`points::sample`] and [`VisibilityGraph::update`].
+pub fn prepare_changed(
+    (before, prepared): (&Geometry, &Prepared),
+    geometry: &Geometry,
+    sampling: &Sampling,
+    settings: &Settings,
+    tracer: &dyn RayTracer,
+    observer: &dyn Observer,
+) -> Result<Prepared> {
+    let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
+    let voxels = Voxels::build(geometry, &settings.voxels);
+    let points = points::sample(geometry, &sampling, &voxels)?;
+    let was = (before, &prepared.points);
+    let update = |points: &SamplePoints| prepared.graph.update(was, (geometry, points), tracer, observer);
+    let (points, graph) = refined(geometry, &sampling, &voxels, points, update)?;
+    let interpolator = Interpolator::new(geometry, &points, tracer);
+    Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
+}
+
+/// The graph of `points`, and both after the rounds of refinement that it asks for; `build` makes the graph of points.
+fn refined(
+    geometry: &Geometry,
+    sampling: &Sampling,
+    voxels: &Voxels,
+    mut points: SamplePoints,
+    build: impl Fn(&SamplePoints) -> Result<VisibilityGraph>,
+) -> Result<(SamplePoints, VisibilityGraph)> {
+    let mut graph = build(&points)?;
+    for _ in 0..REFINEMENT_ROUNDS {
+        let finer = points::refine(geometry, sampling, &points, |i, j| graph.unblocked(i, j))?;
+        let Some(elements) = finer else { break };
+        points = resample(geometry, voxels, &elements);
+        graph = build(&points)?;
+    }
+    Ok((points, graph))
+}
+
+/// The sample points of `elements`.
+fn resample(geometry: &Geometry, voxels: &Voxels, elements: &[Element]) -> SamplePoints {
+    SamplePoints::new(geometry, elements, voxels.len(), |p| voxels.locate(p))
 }
 
 /// What the first pass of a scene keeps between one appearance and the next.

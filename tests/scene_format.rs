@@ -1,5 +1,6 @@
 //! Do the examples of scenes/FORMAT.md load, and mean what the page says?
 
+use glam::DVec3;
 use luxgraph::material::{Body, Fresnel, Level};
 use luxgraph::points::divide_by_area;
 use luxgraph::scene::{Appearance, Scene, SceneDescription, load};
@@ -32,10 +33,11 @@ fn wearing(keys: &str) -> Scene {
 #[test]
 fn the_examples_of_the_page_load() {
     let folder = tempfile::tempdir().expect("a temporary directory");
-    let [scene, changes] = &examples()[..] else { panic!("the page has two examples") };
-    let (scene_path, changes_path) = (folder.path().join("s.toml"), folder.path().join("c.toml"));
-    std::fs::write(&scene_path, scene).expect("written");
-    std::fs::write(&changes_path, changes).expect("written");
+    let [scene, changes, moves] = &examples()[..] else { panic!("the page has three examples") };
+    let [scene_path, changes_path, moves_path] = ["s", "c", "m"].map(|name| folder.path().join(name));
+    for (path, text) in [(&scene_path, scene), (&changes_path, changes), (&moves_path, moves)] {
+        std::fs::write(path, text).expect("written");
+    }
     let description = SceneDescription::read(&scene_path).expect("reads");
     let scene = description.compile().expect("compiles");
     assert!(matches!(body(&scene.appearance, "gold"), Body::Opaque { s: 0.9, m: 0.3, .. }));
@@ -47,6 +49,13 @@ fn the_examples_of_the_page_load() {
         description.changed(&changes_path).expect("reads").appearance(&scene.geometry).expect("fits");
     assert!(matches!(body(&changed, "gold"), Body::Opaque { s: 0.9, m: 0.1, .. }));
     assert_eq!(changed.materials[changed.surface_material[0].0 as usize].name, "gold");
+    // The lamp is gone, the plate turned by 20 degrees about its middle and shifted, and a ball has come.
+    let moved = description.changed(&moves_path).and_then(|d| d.compile_over(&scene)).expect("fits");
+    let [floor, plate, ball] = &moved.geometry.surfaces[..] else { panic!("three surfaces") };
+    assert!((floor.area - 4.0).abs() < 1e-6 && ball.round().is_some());
+    let corner = plate.vertices()[0] + moved.geometry.centre;
+    let (sin, cos) = 20f64.to_radians().sin_cos();
+    assert!(corner.distance(DVec3::new(1.0 - cos, 1.7 - sin, 0.0)) < 1e-6, "{corner}");
 }
 
 #[test]

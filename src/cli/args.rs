@@ -17,7 +17,7 @@ pub struct Cli {
 pub enum Command {
     /// Render a scene to an EXR and a PNG
     Render(Render),
-    /// Render many appearances over one visibility graph: the first pass casts no ray
+    /// Render many appearances over one visibility graph, without a ray in the first pass; objects may move
     Relight(Relight),
     /// Render by an unbiased path tracer that says how noisy it is: the judge of the two passes
     Reference(Reference),
@@ -48,7 +48,7 @@ pub struct Render {
     /// Where the PNG goes instead
     #[arg(long, value_name = "OUT.png")]
     pub preview: Option<PathBuf>,
-    /// Change the scene's materials first, as `relight` would; may be repeated
+    /// Change the scene first, as `relight` would; may be repeated
     #[arg(long, value_name = "CHANGES.toml")]
     pub changes: Vec<PathBuf>,
     /// Options common to render and relight.
@@ -65,7 +65,7 @@ pub struct Render {
 pub struct Relight {
     /// Scene file (scenes/FORMAT.md describes it)
     pub scene: PathBuf,
-    /// A change of appearance; each one gives an image named after it
+    /// Other materials, lamps, or places of objects (scenes/FORMAT.md); each file gives an image named after it
     #[arg(long, value_name = "CHANGES.toml", required = true)]
     pub changes: Vec<PathBuf>,
     /// Folder for the images
@@ -85,7 +85,7 @@ pub struct Reference {
     /// name is written beside it
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: PathBuf,
-    /// Change the scene's materials first, as `relight` would; may be repeated
+    /// Change the scene first, as `relight` would; may be repeated
     #[arg(long, value_name = "CHANGES.toml")]
     pub changes: Vec<PathBuf>,
     /// Camera of the scene file [default: its first]
@@ -128,7 +128,7 @@ pub struct Export {
     /// Folder for scene.xml (Mitsuba 3, spectral variants) and its meshes; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Change the scene's materials first, as `relight` would; may be repeated
+    /// Change the scene first, as `relight` would; may be repeated
     #[arg(long, value_name = "CHANGES.toml")]
     pub changes: Vec<PathBuf>,
     /// Camera of the scene file [default: its first]
@@ -309,6 +309,9 @@ pub struct BenchStages {
     /// Numbers of sample points, about; may be repeated
     #[arg(long, value_name = "N", default_values_t = [4_010, 8_000, 32_000])]
     pub points: Vec<usize>,
+    /// Also time the graph after these changes moved, added or removed objects
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Option<PathBuf>,
     /// meyer4, or how many bands from 380 to 780 nm
     #[arg(long, value_name = "meyer4|N", default_value = "meyer4")]
     pub wavelengths: String,

@@ -2,15 +2,15 @@
 
 use super::args::Relight;
 use super::progress::Bars;
-use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
+use super::run::{Job, Targets, camera, exposure, inputs, prepare, prepare_changed, settings};
 use super::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::pipeline;
-use luxgraph::scene::{Scene, SceneDescription};
+use luxgraph::scene::SceneDescription;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Renders one image for each change of appearance, all over one graph.
+/// Renders one image for each changes file, all over one graph, which is updated where objects moved, came or went.
 pub fn run(args: &Relight) -> Result<()> {
     let started = Instant::now();
     let options = &args.options;
@@ -27,10 +27,11 @@ pub fn run(args: &Relight) -> Result<()> {
     // Everything that can be wrong is looked at before any work is done.
     let description = SceneDescription::read(&args.scene)?;
     let scene = description.compile()?;
-    let appearances = args
-        .changes
-        .iter()
-        .map(|path| description.changed(path)?.appearance(&scene.geometry))
+    let changed = (args.changes.iter())
+        .map(|path| {
+            let description = description.changed(path)?;
+            Ok((description.compile_over(&scene)?, description.is_rearranged()))
+        })
         .collect::<Result<Vec<_>>>()?;
     let camera = camera(&scene, options.camera.as_deref(), options.size)?;
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(&args.output, e))?;
@@ -47,12 +48,11 @@ pub fn run(args: &Relight) -> Result<()> {
 
     let bars = Bars::new();
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
-    let mut relighter = pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?;
-    for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
+    let mut kept = None;
+    for (((changed, rearranged), path), targets) in changed.iter().zip(&args.changes).zip(&targets) {
         say!("{}:", path.display());
-        let scene = Scene { appearance, ..scene.clone() };
         let job = Job {
-            scene: &scene,
+            scene: changed,
             sources: vec![args.scene.display().to_string(), path.display().to_string()],
             prepared: &prepared,
             camera: &camera,
@@ -63,7 +63,20 @@ pub fn run(args: &Relight) -> Result<()> {
             checkpoint: None,
             started,
         };
-        job.run(targets, &mut relighter, &bars)?;
+        if !rearranged {
+            if kept.is_none() {
+                kept = Some(pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?);
+            }
+            if let Some(relighter) = &mut kept {
+                job.run(targets, relighter, &bars)?;
+            }
+        } else {
+            let before = (&scene.geometry, &prepared);
+            let (tracer, prepared) = prepare_changed(before, changed, &settings, &bars)?;
+            let mut relighter = pipeline::relighter(&changed.geometry, &prepared, &settings, &bars)?;
+            let job = Job { prepared: &prepared, tracer: tracer.as_ref(), ..job };
+            job.run(targets, &mut relighter, &bars)?;
+        }
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
-use luxgraph::scene::{Camera, MaterialId, SampledAppearance, Scene};
+use luxgraph::scene::{Camera, Geometry, MaterialId, SampledAppearance, Scene};
 use luxgraph::second_pass::{self, Checkpoint, Passes, Rung, SecondPassStats, SpectralImage};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
@@ -200,17 +200,38 @@ pub fn prepare<'a>(
     let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let prepared =
         pipeline::prepare(&scene.geometry, &scene.sampling, settings, tracer.as_ref(), graph, observer)?;
+    say_prepared(scene, &prepared, tracer.as_ref());
+    Ok((tracer, prepared))
+}
+
+/// The same for a scene in which objects have moved, come or gone: what it has in common with the scene that was
+/// prepared `before` is taken from there.
+pub fn prepare_changed<'a>(
+    before: (&Geometry, &Prepared),
+    scene: &'a Scene,
+    settings: &Settings,
+    observer: &dyn Observer,
+) -> Result<(Box<dyn RayTracer + 'a>, Prepared)> {
+    note(scene);
+    let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
+    let (geometry, sampling) = (&scene.geometry, &scene.sampling);
+    let prepared =
+        pipeline::prepare_changed(before, geometry, sampling, settings, tracer.as_ref(), observer)?;
+    say_prepared(scene, &prepared, tracer.as_ref());
+    Ok((tracer, prepared))
+}
+
+/// Says in one line what was prepared, and how.
+fn say_prepared(scene: &Scene, prepared: &Prepared, tracer: &dyn RayTracer) {
     let stats = &prepared.graph.stats;
+    let (time, name, rays) = (stats.build_s, tracer.name(), stats.rays_cast);
     let how = if prepared.graph_loaded {
         "read from its file".to_owned()
+    } else if stats.copied > 0 {
+        let share = 100.0 * stats.copied as f64 / stats.pairs.max(1) as f64;
+        format!("updated in {time:.2} s with {name}, {rays} rays; {share:.1} % of its pairs copied")
     } else {
-        format!(
-            "{:.2} s with {}, {} rays for {} pairs of points",
-            stats.build_s,
-            tracer.name(),
-            stats.rays_cast,
-            stats.pairs
-        )
+        format!("{time:.2} s with {name}, {rays} rays for {} pairs of points", stats.pairs)
     };
     say!(
         "scene: {} surfaces, {} points in {} voxels; graph: {how}",
@@ -218,7 +239,6 @@ pub fn prepare<'a>(
         prepared.points.len(),
         prepared.points.voxels()
     );
-    Ok((tracer, prepared))
 }
 
 /// One appearance of a prepared scene, on its way to files.

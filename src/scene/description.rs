@@ -49,6 +49,12 @@ pub struct Changes {
     pub lights: BTreeMap<Name, LightChanges>,
     #[serde(default)]
     pub assign: BTreeMap<Name, Name>,
+    #[serde(default)]
+    pub remove: Vec<Name>,
+    #[serde(default)]
+    pub moves: Vec<MoveTable>,
+    #[serde(default)]
+    pub objects: Vec<Spanned<ObjectTable>>,
 }
 
 /// `[sampling]`.
@@ -212,6 +218,24 @@ pub struct LightChanges {
     pub spectrum: Option<Spanned<SpectrumRef>>,
     pub luminous_flux: Option<Spanned<f64>>,
     pub luminous_intensity: Option<Spanned<f64>>,
+}
+
+/// `[[moves]]` in changes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MoveTable {
+    pub objects: Spanned<Vec<Name>>,
+    pub rotate: Option<RotateTable>,
+    pub translate: Option<Spanned<[f64; 3]>>,
+}
+
+/// `rotate = { ... }` in changes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotateTable {
+    pub degrees: Spanned<f64>,
+    pub about: Spanned<[f64; 3]>,
+    pub axis: Option<Spanned<[f64; 3]>>,
 }
 
 /// `[[sensors]]`.

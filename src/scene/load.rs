@@ -1,7 +1,11 @@
 //! Reading scene files, and changes on top of them.
 
-use super::description::{Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, Name};
+use super::description::{
+    Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, MoveTable, Name, ObjectTable,
+};
+use super::motion::Motion;
 use super::obj::Mesh;
+use super::parts::Edit;
 use super::source::Sources;
 use super::suggest;
 use super::{Appearance, Geometry, Scene};
@@ -16,29 +20,30 @@ pub fn load(path: &Path) -> Result<Scene> {
     SceneDescription::read(path)?.compile()
 }
 
-/// Reads the scene file `path`, compiles it, and gives it the appearance that it has after the
-/// changes files, in their order. The geometry, and so the graph, is that of the scene file.
+/// Reads the scene file `path`, compiles it, and changes it as the changes files say, in their order. Unless
+/// one of them moves, adds or removes objects the geometry, and so the graph, is that of the scene file.
 pub fn load_with_changes(path: &Path, changes: &[impl AsRef<Path>]) -> Result<Scene> {
     let mut description = SceneDescription::read(path)?;
-    let mut scene = description.compile()?;
+    let scene = description.compile()?;
     for changes in changes {
         description = description.changed(changes.as_ref())?;
     }
-    scene.appearance = description.appearance(&scene.geometry)?;
-    Ok(scene)
+    description.compile_over(&scene)
 }
 
 /// A scene as its files write it. [`SceneDescription::compile`] makes a [`Scene`] of it;
-/// [`SceneDescription::changed`] and [`SceneDescription::appearance`] give further appearances
-/// to a scene that is compiled already.
+/// [`SceneDescription::changed`] and [`SceneDescription::compile_over`] make others of a scene that is compiled
+/// already.
 #[derive(Clone, Debug)]
 pub struct SceneDescription {
     pub(super) sources: Sources,
     pub(super) document: Document,
     /// By index of the object that names the file.
     pub(super) meshes: BTreeMap<usize, Arc<Mesh>>,
-    /// `[assign]` of all changes: the material of the last that names the object counts.
-    pub(super) assigned: Vec<(Name, Name)>,
+    /// What all changes do to objects, in their order.
+    pub(super) edits: Vec<(Name, Edit)>,
+    /// Whether changes moved, added or removed an object.
+    pub(super) rearranged: bool,
 }
 
 impl SceneDescription {
@@ -47,8 +52,16 @@ impl SceneDescription {
         let mut sources = Sources::default();
         let document: Document = sources.parse(path)?;
         check_format(&sources, &document.format)?;
-        let mut meshes = BTreeMap::new();
-        for (i, object) in document.objects.iter().enumerate() {
+        let (meshes, edits) = (BTreeMap::new(), Vec::new());
+        let mut description = SceneDescription { sources, document, meshes, edits, rearranged: false };
+        description.read_meshes(0)?;
+        Ok(description)
+    }
+
+    /// Reads the OBJ files of the objects from index `first` on.
+    fn read_meshes(&mut self, first: usize) -> Result<()> {
+        let sources = &self.sources;
+        for (i, object) in self.document.objects.iter().enumerate().skip(first) {
             if let Some(obj) = &object.get_ref().obj {
                 let path = sources.directory(obj.span().start).join(obj.get_ref());
                 let mesh = Mesh::read(&path).map_err(|e| match e {
@@ -58,10 +71,10 @@ impl SceneDescription {
                     }
                     other => other,
                 })?;
-                meshes.insert(i, Arc::new(mesh));
+                self.meshes.insert(i, Arc::new(mesh));
             }
         }
-        Ok(SceneDescription { sources, document, meshes, assigned: Vec::new() })
+        Ok(())
     }
 
     /// This description with the changes file `path` applied.
@@ -70,8 +83,11 @@ impl SceneDescription {
         let changes: Changes = description.sources.parse(path)?;
         check_format(&description.sources, &changes.format)?;
         let known = description.document.materials.keys().map(|n| n.get_ref().clone()).collect::<Vec<_>>();
+        let worn = changes.objects.iter().map(Spanned::get_ref);
+        let worn = worn.flat_map(|o| o.material.iter().chain(o.materials.values()));
+        let worn: Vec<&Name> = worn.chain(changes.assign.values()).collect();
         for (name, table) in changes.materials {
-            let used = || changes.assign.values().any(|m| m.get_ref() == name.get_ref());
+            let used = || worn.iter().any(|m| m.get_ref() == name.get_ref());
             match description.document.materials.remove(name.get_ref().as_str()) {
                 Some(base) => {
                     description.document.materials.insert(name, over(base, table));
@@ -82,7 +98,9 @@ impl SceneDescription {
                 None => {
                     let known: Vec<&str> = known.iter().map(String::as_str).collect();
                     let message = suggest::unknown("material", name.get_ref(), &known);
-                    let message = format!("{message}; a new material is worn by some object under [assign]");
+                    let message = format!(
+                        "{message}; a new material is worn by some object under [assign] or [[objects]]"
+                    );
                     return Err(description.sources.error(name.span().start, message));
                 }
             }
@@ -94,8 +112,29 @@ impl SceneDescription {
         for (name, change) in changes.lights {
             description.change_light(&name, change)?;
         }
-        description.assigned.extend(changes.assign);
+        description.rearrange(changes.remove, &changes.moves, changes.objects)?;
+        let assigned = changes.assign.into_iter().map(|(object, material)| (object, Edit::Assign(material)));
+        description.edits.extend(assigned);
         Ok(description)
+    }
+
+    /// Takes some objects away, moves others, and adds `objects`.
+    fn rearrange(
+        &mut self,
+        remove: Vec<Name>,
+        moves: &[MoveTable],
+        objects: Vec<Spanned<ObjectTable>>,
+    ) -> Result<()> {
+        self.rearranged |= !remove.is_empty() || !moves.is_empty() || !objects.is_empty();
+        self.edits.extend(remove.into_iter().map(|object| (object, Edit::Remove)));
+        for table in moves {
+            let motion = Motion::of(&self.sources, table)?;
+            let names = table.objects.get_ref();
+            self.edits.extend(names.iter().map(|object| (object.clone(), Edit::Move(motion))));
+        }
+        let first = self.document.objects.len();
+        self.document.objects.extend(objects);
+        self.read_meshes(first)
     }
 
     /// Gives the light `name` what `change` says; the keys of one kind exclude each other.
@@ -127,9 +166,23 @@ impl SceneDescription {
         super::compile::appearance(self, geometry)
     }
 
+    /// Whether changes moved, added or removed objects, so that the geometry is another.
+    pub fn is_rearranged(&self) -> bool {
+        self.rearranged
+    }
+
     /// Validates everything and makes the scene.
     pub fn compile(&self) -> Result<Scene> {
         super::compile::scene(self)
+    }
+
+    /// Makes the scene of this description, which is a change of the one that `scene` was compiled from. Where nothing is
+    /// moved, added or removed it has the geometry of `scene`. What stays is sampled as it was.
+    pub fn compile_over(&self, scene: &Scene) -> Result<Scene> {
+        if !self.rearranged {
+            return Ok(Scene { appearance: self.appearance(&scene.geometry)?, ..scene.clone() });
+        }
+        Ok(Scene { sampling: scene.sampling, ..self.compile()? })
     }
 }
 

@@ -8,6 +8,7 @@ mod emission;
 mod light;
 mod load;
 mod materials;
+mod motion;
 mod obj;
 mod parts;
 mod places;
@@ -35,7 +36,7 @@ use glam::DVec3;
 pub struct MaterialId(pub u32);
 
 /// Index of an object in [`Geometry::objects`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ObjectId(pub u32);
 
 /// A compiled scene: everything is validated, nothing is missing.

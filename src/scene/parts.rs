@@ -1,6 +1,8 @@
 //! Which objects there are and what each wears.
 
 use super::SceneDescription;
+use super::description::Name;
+use super::motion::Motion;
 use super::obj::{Mesh, Place};
 use super::suggest;
 use crate::error::{Error, Result};
@@ -19,8 +21,23 @@ pub struct Part {
     pub object: usize,
     /// The part of the OBJ file, if it comes from one.
     pub obj_part: Option<u32>,
+    /// Where changes moved it.
+    pub motion: Option<Motion>,
+    /// Whether changes removed it.
+    pub removed: bool,
     /// Whether `[assign]` gave it its material, and where.
     assigned: Option<usize>,
+}
+
+/// What changes do to the objects of a name.
+#[derive(Clone, Debug)]
+pub enum Edit {
+    /// They wear another material.
+    Assign(Name),
+    /// They go elsewhere.
+    Move(Motion),
+    /// They are no longer there.
+    Remove,
 }
 
 impl Part {
@@ -64,31 +81,53 @@ pub fn parts(description: &SceneDescription) -> Result<Vec<Part>> {
                     material: material.get_ref().clone(),
                     object: i,
                     obj_part: None,
+                    motion: None,
+                    removed: false,
                     assigned: None,
                 });
             }
         }
     }
-    assign(description, &mut parts)?;
+    edit(description, &mut parts)?;
     Ok(parts)
 }
 
-fn assign(description: &SceneDescription, parts: &mut [Part]) -> Result<()> {
+/// Applies the edits of all changes, in their order.
+fn edit(description: &SceneDescription, parts: &mut [Part]) -> Result<()> {
     let sources = &description.sources;
-    for (object, material) in &description.assigned {
-        known_material(description, material.get_ref())
-            .map_err(|message| sources.error(material.span().start, message))?;
-        let mut found = false;
+    for (object, edit) in &description.edits {
+        if let Edit::Assign(material) = edit {
+            known_material(description, material.get_ref())
+                .map_err(|message| sources.error(material.span().start, message))?;
+        }
+        let (mut found, mut removed) = (false, false);
         for part in parts.iter_mut().filter(|p| p.answers_to(object.get_ref())) {
-            part.material.clone_from(material.get_ref());
-            part.assigned = Some(object.span().start);
+            if part.removed {
+                removed = true;
+                continue;
+            }
+            match edit {
+                Edit::Assign(material) => {
+                    part.material.clone_from(material.get_ref());
+                    part.assigned = Some(object.span().start);
+                }
+                Edit::Move(motion) => {
+                    part.motion = Some(part.motion.map_or(*motion, |before| before.then(motion)));
+                }
+                Edit::Remove => part.removed = true,
+            }
             found = true;
         }
-        if !found {
-            let known: Vec<&str> = parts.iter().map(|p| p.name.as_str()).collect();
-            let message = suggest::unknown("object", object.get_ref(), &known);
-            return Err(sources.error(object.span().start, message));
+        if found {
+            continue;
         }
+        let message = if removed {
+            format!("object \"{}\" was removed before; leave this out", object.get_ref())
+        } else {
+            let known: Vec<&str> = parts.iter().filter(|p| !p.removed).map(|p| p.name.as_str()).collect();
+            suggest::unknown("object", object.get_ref(), &known)
+        };
+        return Err(sources.error(object.span().start, message));
     }
     Ok(())
 }
@@ -133,7 +172,8 @@ fn obj_parts(
             taken.insert(name.clone());
         }
         let material = material.clone();
-        parts.push(Part { name, material, object, obj_part: Some(i as u32), assigned: None });
+        let obj_part = Some(i as u32);
+        parts.push(Part { name, material, object, obj_part, motion: None, removed: false, assigned: None });
     }
     Ok(())
 }

@@ -157,6 +157,13 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
             faces.push(Face { shape, part: first + face.part as usize, place });
         }
     }
+    faces.retain_mut(|face| {
+        let part = &parts[face.part];
+        if let Some(motion) = &part.motion {
+            face.shape = motion.moved(&face.shape);
+        }
+        !part.removed
+    });
     if faces.len() > MAX_SURFACES {
         let message = format!("there are {} surfaces, more than {MAX_SURFACES}", faces.len());
         return Err(description.sources.error(0, message));

@@ -65,9 +65,9 @@ impl Scatterer<'_> {
         }
     }
 
-    /// Whether a path that has left a diffuse surface takes what the first pass has where it ends.
+    /// Whether a path that has left diffuse surfaces so often takes what the first pass has where it ends.
     #[inline(always)]
-    pub(super) fn is_far(&self, path: &Path, hit: &Hit) -> bool {
-        path.bounces > 0 && (path.bounces > NEAR_BOUNCES || hit.t > self.nearby(hit.surface))
+    pub(super) fn is_far(&self, bounces: u32, hit: &Hit) -> bool {
+        bounces > NEAR_BOUNCES || hit.t > self.nearby(hit.surface)
     }
 }

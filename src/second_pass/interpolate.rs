@@ -20,7 +20,7 @@ use super::cover::{StandIn, covered, stand_ins};
 use super::feet::Feet;
 use super::lattice::{Lattice, sheet};
 use super::parted::{Parting, Weights};
-use super::shares::{blend, fan, quarter};
+use super::shares::{Mix, Shares, fan, quarter};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
 use crate::geometry::{Shape, Side, Surface, SurfaceId};
@@ -167,9 +167,10 @@ impl Interpolator {
 
     /// [`Interpolator::field`] of any part of the radiance of the sample points, `[N][w]`.
     pub(super) fn field_of(&self, radiance: Vec<f32>, w: usize) -> DiffuseField<'_> {
-        let centres = self.centres(radiance, w);
+        let mut spectra = self.centres(radiance, w);
+        spectra.resize((self.len() + self.stencils.len()) * w, 0.0);
+        let (centres, nodes) = spectra.split_at_mut(self.len() * w);
         let of = |element: u32| &centres[element as usize * w..];
-        let mut nodes = vec![0.0f32; self.stencils.len() * w];
         nodes.par_chunks_mut(w.max(1)).enumerate().for_each(|(node, out)| {
             let row = self.stencils.of(node);
             for (k, out) in out.iter_mut().enumerate().take(if row.is_empty() { 0 } else { w }) {
@@ -189,7 +190,7 @@ impl Interpolator {
                 nodes[node as usize * w + k] = mean;
             }
         }
-        DiffuseField { interpolator: self, centres, nodes, w }
+        DiffuseField { interpolator: self, spectra, w }
     }
 
     /// Radiance at the centres of all elements, `[N][W]`, covered ones stood in for.
@@ -204,13 +205,32 @@ impl Interpolator {
     }
 }
 
+/// What a place takes.
+pub(super) enum Found {
+    /// Nothing: no sample point lies on its side.
+    Black,
+    /// A mixture.
+    Whole(Mix),
+    /// What is left of a mixture.
+    Parted(Apart),
+}
+
+/// A place that something may part from some of what is around it.
+#[derive(Clone, Copy)]
+pub(super) struct Apart {
+    /// What it would take.
+    mix: Mix,
+    shares: Shares,
+    parting: u32,
+    /// In the plane, m.
+    place: DVec2,
+}
+
 /// L^d of a solution as a function of place.
 pub struct DiffuseField<'a> {
     interpolator: &'a Interpolator,
-    /// `[N][W]`.
-    centres: Vec<f32>,
-    /// `[nodes][W]`.
-    nodes: Vec<f32>,
+    /// That of the centres of all elements, then that of all nodes: `[N + nodes][W]`.
+    spectra: Vec<f32>,
     w: usize,
 }
 
@@ -218,52 +238,61 @@ impl DiffuseField<'_> {
     /// L^d at `position` (local coordinates, on the surface) on one side, into `out[..W]`. A side
     /// without sample points is black.
     pub fn radiance(&self, surface: SurfaceId, side: Side, position: DVec3, out: &mut [f32]) {
-        self.look(surface, side, position, &mut out[..self.w], &mut Weights::default());
+        let out = &mut out[..self.w];
+        match self.find(surface, side, position) {
+            Found::Black => out.fill(0.0),
+            Found::Whole(mix) => {
+                self.blend(&mix, |at, group| out[at..at + group.len()].copy_from_slice(group))
+            }
+            Found::Parted(apart) => self.part(&apart, out, &mut Weights::default()),
+        }
     }
 
-    /// [`DiffuseField::radiance`] with room to work in that is used again; `out` is as long as a spectrum.
+    /// What a place takes, for [`DiffuseField::blend`] or, where something may part it from some of that, for
+    /// [`DiffuseField::part`]; nothing where the side is black.
     #[inline(always)]
-    pub(super) fn look(
-        &self,
-        surface: SurfaceId,
-        side: Side,
-        position: DVec3,
-        out: &mut [f32],
-        room: &mut Weights,
-    ) {
+    pub(super) fn find(&self, surface: SurfaceId, side: Side, position: DVec3) -> Found {
         let of = self.interpolator;
         let chart = &of.charts[surface.index()];
         let uv = chart.uv_of(position);
-        let Some(i) = of.cells.find(sheet(surface.index(), side), uv) else {
-            out.fill(0.0);
-            return;
-        };
+        let Some(i) = of.cells.find(sheet(surface.index(), side), uv) else { return Found::Black };
         let element = &of.elements[i];
         let shares = if element.regular {
             quarter(((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE))
         } else {
             fan(&of.border_at[element.border()], chart.plane(position) - element.centre)
         };
-        let w = self.w;
-        let border = &of.lattice.border.all()[element.border()];
-        let nodes = shares.nodes.map(|node| &self.nodes[border[node] as usize * w..][..w]);
-        let weights = shares.weights.map(|weight| weight as f32);
-        blend(shares.centre as f32, &self.centres[i * w..][..w], weights, nodes, out);
-        if element.parting != OPEN {
-            let place = chart.plane(position);
-            if let Some(whole) = of.partings[element.parting as usize].weigh(place, &shares, room) {
-                self.part(whole, room, out);
-            }
+        let (count, border) = (of.elements.len() as u32, of.lattice.border.all());
+        let node = |k: usize| count + border[(element.border[0] + shares.nodes[k]) as usize];
+        let [a, b, c] = shares.weights;
+        let mix = Mix { spectra: [i as u32, node(0), node(1), node(2)], weights: [shares.centre, a, b, c] };
+        if element.parting == OPEN {
+            return Found::Whole(mix);
         }
+        let place = chart.plane(position);
+        if !of.partings[element.parting as usize].parts(place) {
+            return Found::Whole(mix);
+        }
+        Found::Parted(Apart { mix, shares, parting: element.parting, place })
     }
 
-    /// Leaves a share of `whole` of what is in `out` and adds what parted elements give.
+    /// The spectrum of a mixture, to `put` in groups: at which wavelength one begins, and its numbers.
     #[inline(always)]
-    fn part(&self, whole: f64, room: &Weights, out: &mut [f32]) {
+    pub(super) fn blend(&self, mix: &Mix, put: impl FnMut(usize, &[f32])) {
+        mix.blend(&self.spectra, self.w, put);
+    }
+
+    /// The spectrum of a place that something may part from some of what is around it, into `out`, which is as long as
+    /// a spectrum.
+    #[inline(always)]
+    pub(super) fn part(&self, apart: &Apart, out: &mut [f32], room: &mut Weights) {
+        self.blend(&apart.mix, |at, group| out[at..at + group.len()].copy_from_slice(group));
+        let parting = &self.interpolator.partings[apart.parting as usize];
+        let Some(whole) = parting.weigh(apart.place, &apart.shares, room) else { return };
         out.iter_mut().for_each(|out| *out *= whole as f32);
         for &(element, weight) in room.all() {
             let weight = ((1.0 - whole) * weight) as f32;
-            let centre = &self.centres[element as usize * self.w..][..self.w];
+            let centre = &self.spectra[element as usize * self.w..][..self.w];
             for (out, centre) in out.iter_mut().zip(centre) {
                 *out += weight * centre;
             }
@@ -273,10 +302,8 @@ impl DiffuseField<'_> {
     /// Feeds all that the radiance depends on, but for the geometry, to `hasher`.
     pub(super) fn hash(&self, hasher: &mut blake3::Hasher) {
         self.interpolator.cells.hash(hasher);
-        for values in [&self.centres, &self.nodes] {
-            for chunk in values.chunks(1 << 12) {
-                hasher.update(&chunk.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<u8>>());
-            }
+        for chunk in self.spectra.chunks(1 << 12) {
+            hasher.update(&chunk.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<u8>>());
         }
     }
 }

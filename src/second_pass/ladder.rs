@@ -36,6 +36,14 @@ pub(super) struct Ladder<'a> {
     pub direct: Option<Direct<'a>>,
 }
 
+impl<'a> Ladder<'a> {
+    /// What is taken from the first pass at a hit, or far away by a hemisphere ray.
+    #[inline(always)]
+    pub fn field(&self, far: bool) -> &'a DiffuseField<'a> {
+        self.far.filter(|_| far).unwrap_or(self.near)
+    }
+}
+
 impl<'a> Fields<'a> {
     /// Those of `rung`.
     ///

@@ -20,6 +20,7 @@ mod scatter;
 mod settings;
 mod shares;
 mod stencil;
+mod take;
 mod wave;
 
 pub use checkpoint::Checkpoint;

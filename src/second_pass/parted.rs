@@ -124,17 +124,34 @@ impl Parting {
         }
     }
 
+    /// Whether something parts `place` in the element from what it would take from.
+    #[inline(always)]
+    pub fn parts(&self, place: DVec2) -> bool {
+        let inwards = self.inwards(place);
+        let words = self.sources.len().div_ceil(WORD);
+        self.covers
+            || self.feet.feet().iter().zip(self.sides.chunks(words)).any(|(foot, sides)| {
+                let beyond = if side_of(*foot, inwards) { u64::MAX } else { 0 };
+                let taken = (0..self.taken).step_by(WORD);
+                taken.zip(sides).any(|(first, sides)| (sides ^ beyond) & lowest(self.taken - first) != 0)
+            })
+    }
+
+    /// A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
+    fn inwards(&self, place: DVec2) -> DVec2 {
+        place.lerp(self.sources[0].place, 1e-6)
+    }
+
     /// What `place` in the element takes if a foot parts it from some of the elements that `shares` would take from: the
     /// open ways keep their share of the weight. The weights are left in `room`; the result is how much of the radiance as
     /// if nothing were parted stays: 0 but where that is extrapolated, and next to nothing is parted. `None`
-    /// where nothing is parted.
+    /// where nothing is parted, as where [`Parting::parts`] says so.
+    #[inline(always)]
     pub fn weigh(&self, place: DVec2, shares: &Shares, room: &mut Weights) -> Option<f64> {
-        // A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
-        let inwards = place.lerp(self.sources[0].place, 1e-6);
+        let inwards = self.inwards(place);
         // What the covered would say they have from all sides.
         room.open.clear();
         room.open.extend(self.sources.iter().map(|source| if source.covered { 0.0 } else { 1.0 }));
-        let mut parts = self.covers;
         let words = self.sources.len().div_ceil(WORD);
         for (number, (foot, sides)) in self.feet.feet().iter().zip(self.sides.chunks(words)).enumerate() {
             let beyond = if side_of(*foot, inwards) { u64::MAX } else { 0 };
@@ -142,7 +159,6 @@ impl Parting {
                 // Whose way may cross the foot: those on the other side of its line.
                 let first = word * WORD;
                 let mut across = (sides ^ beyond) & lowest(self.sources.len() - first);
-                parts |= first < self.taken && across & lowest(self.taken - first) != 0;
                 while across != 0 {
                     let at = first + across.trailing_zeros() as usize;
                     across &= across - 1;
@@ -152,20 +168,18 @@ impl Parting {
                 }
             }
         }
-        if !parts {
-            return None;
-        }
         // A place parted from all others takes what it has from beyond.
         for (open, source) in room.open.iter_mut().zip(&self.sources) {
             *open = if source.covered { 0.0 } else { open.max(BEYOND) };
         }
         room.of.clear();
         room.of.extend(self.sources.iter().map(|source| (source.element, 0.0)));
-        room.of[0].1 = shares.centre;
+        room.of[0].1 = f64::from(shares.centre);
         for (&node, weight) in shares.nodes.iter().zip(shares.weights) {
+            let node = node as usize;
             let start = if node > 0 { self.ends[node - 1] } else { 0 };
             for &(source, share) in &self.entries[start as usize..self.ends[node] as usize] {
-                room.of[source as usize].1 += weight * f64::from(share);
+                room.of[source as usize].1 += f64::from(weight * share);
             }
         }
         let (mut all, mut closed, mut negative) = (0.0, 0.0, 0.0);

@@ -7,9 +7,10 @@ use super::interpolate::Interpolator;
 use super::ladder::Fields;
 use super::scatter::{Film, Scatterer, brightness};
 use super::settings::{SecondPassSettings, SecondPassStats};
-use super::wave::{NO_MEDIUM, Path, Wave};
+use super::wave::{Fresh, Wave};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
+use crate::geometry::Hit;
 use crate::observer::Observer;
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
 use crate::simd::wide;
@@ -166,6 +167,14 @@ fn check_solution(scene: &LitScene) -> Result<()> {
     Ok(())
 }
 
+/// Room for the waves of a tile, to be used again for the next.
+#[derive(Default)]
+struct Room {
+    wave: Wave,
+    next: Wave,
+    hits: Vec<Option<Hit>>,
+}
+
 /// What every tile needs to know.
 struct Job<'a> {
     scatterer: Scatterer<'a>,
@@ -195,8 +204,8 @@ impl Job<'_> {
     ) -> Result<SecondPassStats> {
         let tiles: Vec<Film> = (0..self.width.div_ceil(TILE))
             .into_par_iter()
-            .map(|column| {
-                let film = self.tile(column, number);
+            .map_init(Room::default, |room, column| {
+                let film = self.tile(column, number, room);
                 observer.advance(1);
                 film
             })
@@ -213,7 +222,7 @@ impl Job<'_> {
     }
 
     /// Renders one tile.
-    fn tile(&self, column: usize, band: usize) -> Film {
+    fn tile(&self, column: usize, band: usize, Room { wave, next, hits }: &mut Room) -> Film {
         let (low, [columns, rows]) = self.extent(column, band);
         let settings = self.scatterer.settings;
         let pixels = columns * rows;
@@ -225,38 +234,20 @@ impl Job<'_> {
             })
             .collect();
         let mut film = Film::new(seeds, self.w);
-        let (mut wave, mut next, mut hits) = (Wave::default(), Wave::default(), Vec::new());
         let samples = (BATCH / pixels).max(1) as u32;
         for first in (0..settings.samples).step_by(samples as usize) {
             let count = samples.min(settings.samples - first);
             wave.clear();
             let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
             wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
-            let origin = wave.rays[0].origin;
-            let camera = Path {
-                start: origin,
-                pixel: 0,
-                index: 0,
-                depth: 0,
-                splits: 0,
-                glossy: false,
-                bounces: 0,
-                medium: NO_MEDIUM,
-            };
-            wave.paths.resize(wave.rays.len(), camera);
-            for (pixel, paths) in wave.paths.chunks_exact_mut(count as usize).enumerate() {
-                for (index, path) in (first..).zip(paths) {
-                    (path.pixel, path.index) = (pixel as u32, index);
-                }
-            }
-            wave.throughput.resize(wave.rays.len() * self.w, 1.0);
+            wave.fresh = Some(Fresh { first, count });
             film.stats.camera_rays += wave.rays.len() as u64;
             // Every wave is one specular event deeper, so this ends at the depth limit.
             while !wave.rays.is_empty() {
                 hits.resize(wave.rays.len(), None);
-                self.tracer.closest_batch(&wave.rays, &mut hits);
-                self.scatterer.meet(&mut wave, &hits, &mut film, &mut next);
-                std::mem::swap(&mut wave, &mut next);
+                self.tracer.closest_batch(&wave.rays, hits);
+                self.scatterer.meet(wave, hits, &mut film, next);
+                std::mem::swap(wave, next);
             }
         }
         for sum in &mut film.radiance {

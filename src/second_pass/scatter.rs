@@ -1,15 +1,17 @@
 //! What becomes of a path where it meets a surface.
 
 use super::direct::Shadows;
+use super::interpolate::Apart;
 use super::ladder::{Ladder, NEARBY};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
+use super::take::{Manner, Take};
 use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
-use crate::simd::{HotLoop, wide};
+use crate::simd::wide;
 use glam::DVec3;
 
 /// Events at glass at which both branches are followed; later ones follow one by chance.
@@ -22,7 +24,7 @@ pub(super) struct Scatterer<'a> {
     pub ladder: Ladder<'a>,
     pub settings: &'a SecondPassSettings,
     /// By surface.
-    manners: Vec<Manner>,
+    pub manners: Vec<Manner>,
     /// Hemisphere rays that end on a surface after no more than this end nearby, by surface, m.
     nearby: Vec<f64>,
     /// How far above a surface rays start, by surface, m.
@@ -34,19 +36,6 @@ pub(super) struct Scatterer<'a> {
     brightness: Vec<f32>,
 }
 
-/// What a path that meets a surface may have to do besides taking its diffuse light.
-#[derive(Clone, Copy)]
-struct Manner {
-    /// Whether its back is black, and only blocks.
-    black_behind: bool,
-    /// Whether what is behind it absorbs.
-    solid: bool,
-    /// Whether the path may go on.
-    goes_on: bool,
-    /// Whether it asks lamps for light, and gathers.
-    asks: bool,
-}
-
 /// Where a tile gathers its light, and room to work in.
 pub(super) struct Film {
     /// Sum over the samples, `[pixels][W]`.
@@ -55,16 +44,20 @@ pub(super) struct Film {
     pub stats: SecondPassStats,
     /// Sobol' seed of each pixel.
     pub seeds: Vec<u32>,
-    value: Vec<f32>,
+    pub value: Vec<f32>,
     reflected: Vec<f32>,
     transmitted: Vec<f32>,
-    weights: Weights,
+    pub weights: Weights,
+    /// Which paths of the wave may go on.
+    pub going_on: Vec<u32>,
+    /// Those whose place is parted from some of what is around it.
+    pub parted: Vec<(u32, bool, Apart)>,
     /// Paths at places that ask lamps and gather.
     pub lit: Vec<u32>,
+    /// Paths at places whose emission is still to be added.
+    pub glowing: Vec<u32>,
     /// Room for what lamps are asked.
     pub shadows: Shadows,
-    /// Which paths of the wave may go on.
-    going_on: Vec<u32>,
 }
 
 impl Film {
@@ -78,9 +71,11 @@ impl Film {
             reflected: vec![0.0; w],
             transmitted: vec![0.0; w],
             weights: Weights::default(),
-            lit: Vec::new(),
-            shadows: Shadows::default(),
             going_on: Vec::new(),
+            parted: Vec::new(),
+            lit: Vec::new(),
+            glowing: Vec::new(),
+            shadows: Shadows::default(),
         }
     }
 }
@@ -124,6 +119,7 @@ impl<'a> Scatterer<'a> {
                 solid: matches!(glass, Some(Transmission::Solid { .. })),
                 goes_on: settings.passes == Passes::Both && material.is_specular(),
                 asks: ladder.direct.is_some() && material.diffuse.iter().any(|&d| d > 0.0),
+                glows: ladder.direct.is_some() && material.emission.iter().any(|&l| l > 0.0),
             }
         });
         Scatterer {
@@ -145,21 +141,39 @@ impl<'a> Scatterer<'a> {
         next.clear();
         film.going_on.clear();
         film.lit.clear();
+        film.glowing.clear();
         wide(Take { scatterer: self, wave, hits, film });
         let w = film.value.len();
         if let Some(direct) = &self.ladder.direct {
+            wave.spell_out(w);
+            self.glow(wave, hits, film);
             direct.add(wave, hits, film);
             if self.ladder.far.is_some() {
                 self.gather(wave, hits, film, next);
             }
         }
         let going_on = std::mem::take(&mut film.going_on);
+        let whole = vec![1.0; w];
         for k in going_on.iter().map(|&k| k as usize) {
+            let throughput = wave.throughput.get(k * w..(k + 1) * w).unwrap_or(&whole);
             if let Some(hit) = &hits[k] {
-                self.go_on(&wave.rays[k], hit, wave.paths[k], &wave.throughput[k * w..][..w], film, next);
+                self.go_on(&wave.rays[k], hit, wave.path(k), throughput, film, next);
             }
         }
         film.going_on = going_on;
+    }
+
+    /// Adds to the film what the places emit that paths meet.
+    fn glow(&self, wave: &Wave, hits: &[Option<Hit>], film: &mut Film) {
+        let w = film.value.len();
+        for k in film.glowing.iter().map(|&k| k as usize) {
+            let Some(hit) = &hits[k] else { continue };
+            let emission = self.appearance.of(hit.surface).emission.iter();
+            let sums = &mut film.radiance[wave.pixel(k) * w..][..w];
+            for ((sum, t), l) in sums.iter_mut().zip(&wave.throughput[k * w..]).zip(emission) {
+                *sum += f64::from(t * l);
+            }
+        }
     }
 
     /// Sends on to `next` what leaves the surface that a path met.
@@ -205,7 +219,7 @@ impl<'a> Scatterer<'a> {
     /// Beer-Lambert along a segment inside a solid: the one the path entered, or, for a path
     /// that began inside, the one whose back it meets.
     #[cold]
-    fn absorb(&self, hit: &Hit, path: &Path, met: DVec3, throughput: &mut [f32]) {
+    pub fn absorb(&self, hit: &Hit, path: &Path, met: DVec3, throughput: &mut [f32]) {
         let inside = match self.appearance.materials.get(path.medium as usize) {
             Some(entered) => entered,
             None if hit.side == Side::Back => self.appearance.of(hit.surface),
@@ -376,70 +390,20 @@ impl<'a> Scatterer<'a> {
     }
 
     /// [`Scatterer::bright`] of what is left of a throughput where this share is reflected.
-    pub(super) fn bright_of(&self, throughput: &[f32], share: &[f32]) -> f32 {
+    pub fn bright_of(&self, throughput: &[f32], share: &[f32]) -> f32 {
         throughput.iter().zip(share).zip(&self.brightness).map(|((t, s), b)| t * s * b).sum()
     }
 
     /// By how much a ray starts beside a place on a surface, on the side of `n`.
-    pub(super) fn start(&self, surface: SurfaceId, position: DVec3, n: DVec3) -> DVec3 {
+    pub fn start(&self, surface: SurfaceId, position: DVec3, n: DVec3) -> DVec3 {
         let (centre, share) = self.inset[surface.index()];
         share * (centre - position) + self.offset[surface.index()] * n
     }
 
     /// No longer hemisphere ray that ends on a surface ends nearby, m.
     #[inline(always)]
-    pub(super) fn nearby(&self, surface: SurfaceId) -> f64 {
+    pub fn nearby(&self, surface: SurfaceId) -> f64 {
         self.nearby[surface.index()]
-    }
-}
-
-/// The diffuse light that the paths of a wave meet.
-struct Take<'a, 'b> {
-    scatterer: &'a Scatterer<'b>,
-    wave: &'a mut Wave,
-    hits: &'a [Option<Hit>],
-    film: &'a mut Film,
-}
-
-impl HotLoop for Take<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Take { scatterer, wave, hits, film } = self;
-        let w = film.value.len();
-        let paths = wave.rays.iter().zip(&wave.paths).zip(wave.throughput.chunks_exact_mut(w));
-        for (k, (((ray, path), throughput), hit)) in paths.zip(hits).enumerate() {
-            let Some(hit) = hit else {
-                film.stats.missed_rays += 1;
-                continue;
-            };
-            let manner = scatterer.manners[hit.surface.index()];
-            let (back, met) = (hit.side == Side::Back, ray.at(hit.t));
-            if path.medium != NO_MEDIUM || (back && manner.solid) {
-                scatterer.absorb(hit, path, met, throughput);
-            }
-            if back && manner.black_behind {
-                continue;
-            }
-            let far = scatterer.is_far(path, hit);
-            let field = scatterer.ladder.far.filter(|_| far).unwrap_or(scatterer.ladder.near);
-            field.look(hit.surface, hit.side, met, &mut film.value, &mut film.weights);
-            if manner.asks && !far {
-                film.lit.push(k as u32);
-            }
-            if scatterer.ladder.direct.is_some() && path.bounces == 0 {
-                let emission = &scatterer.appearance.of(hit.surface).emission;
-                film.value.iter_mut().zip(emission).for_each(|(value, l)| *value += l);
-            }
-            let sums = &mut film.radiance[path.pixel as usize * w..][..w];
-            for ((sum, t), l) in sums.iter_mut().zip(throughput).zip(&film.value) {
-                *sum += f64::from(*t * l);
-            }
-            if manner.goes_on && path.bounces == 0 {
-                film.going_on.push(k as u32);
-            }
-        }
     }
 }
 

@@ -2,26 +2,28 @@
 
 use glam::DVec2;
 
-/// Weights on the centre and on three nodes; sum 1.
+/// Weights on the centre and on three nodes; sum 1. Weights of at most 1 lose nothing in `f32`.
+#[derive(Clone, Copy)]
 pub(super) struct Shares {
-    pub centre: f64,
+    pub centre: f32,
     /// Which nodes of the element's border.
-    pub nodes: [usize; 3],
-    pub weights: [f64; 3],
+    pub nodes: [u32; 3],
+    pub weights: [f32; 3],
 }
 
 /// Bilinear in the quarter of a quad element that holds `local` (0 to 1 each way).
 #[inline(always)]
 pub(super) fn quarter(local: DVec2) -> Shares {
     // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
-    let (right, upper) = (usize::from(local.x > 0.5), usize::from(local.y > 0.5));
-    let corner = 2 * (3 * upper ^ right);
-    let DVec2 { x: s, y: t } = (2.0 * (local - 0.5)).abs();
+    let (right, upper) = (u32::from(local.x > 0.5), u32::from(local.y > 0.5));
+    let corner = 2 * ((3 * upper) ^ right);
+    let (s, t) = ((2.0 * (local.x - 0.5)).abs() as f32, (2.0 * (local.y - 0.5)).abs() as f32);
+    let (rest_s, rest_t) = (1.0 - s, 1.0 - t);
     Shares {
-        centre: (1.0 - s) * (1.0 - t),
+        centre: rest_s * rest_t,
         // The middle of the edge to the left or right, then that of the edge below or above.
         nodes: [7 - 4 * right, 1 + 4 * upper, corner],
-        weights: [s * (1.0 - t), (1.0 - s) * t, s * t],
+        weights: [s * rest_t, rest_s * t, s * t],
     }
 }
 
@@ -48,38 +50,52 @@ pub(super) fn fan(places: &[[f32; 2]], d: DVec2) -> Shares {
     // A place just outside, by rounding, takes the border's value.
     let over = (s + t).max(1.0);
     let (s, t) = if det > 0.0 { (s / over, t / over) } else { (0.0, 0.0) };
-    Shares { centre: 1.0 - s - t, nodes: [best, next, next], weights: [s, t, 0.0] }
+    let (best, next) = (best as u32, next as u32);
+    Shares { centre: (1.0 - s - t) as f32, nodes: [best, next, next], weights: [s as f32, t as f32, 0.0] }
 }
 
-/// The spectrum of shares `own` of `centre` and `weights` of `nodes`, not negative; all are as long as `out`. Weights of
-/// at most 1 lose nothing in `f32`.
-#[inline(always)]
-pub(super) fn blend(own: f32, centre: &[f32], weights: [f32; 3], nodes: [&[f32]; 3], out: &mut [f32]) {
-    // Most counts of wavelengths are made of these.
-    let done = blend_by::<8>(own, centre, weights, nodes, out);
-    let done =
-        done + blend_by::<4>(own, &centre[done..], weights, nodes.map(|n| &n[done..]), &mut out[done..]);
-    blend_by::<1>(own, &centre[done..], weights, nodes.map(|n| &n[done..]), &mut out[done..]);
+/// Four spectra, by their place among all, and a weight of each.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Mix {
+    pub spectra: [u32; 4],
+    pub weights: [f32; 4],
 }
 
-/// [`blend`] of as many whole groups of `N` as there are; how many numbers that was.
-#[inline(always)]
-fn blend_by<const N: usize>(
-    own: f32,
-    centre: &[f32],
-    [ta, tb, tc]: [f32; 3],
-    nodes: [&[f32]; 3],
-    out: &mut [f32],
-) -> usize {
-    let (out, [a, b, c]) = (out.as_chunks_mut::<N>().0, nodes.map(|node| node.as_chunks::<N>().0));
-    for ((((out, m), a), b), c) in out.iter_mut().zip(centre.as_chunks::<N>().0).zip(a).zip(b).zip(c) {
-        // A place of its own lets the compiler see that nothing overlaps.
-        let mut group = [0.0; N];
-        for k in 0..N {
-            let sum = own * m[k] + (ta * a[k] + tb * b[k] + tc * c[k]);
-            group[k] = if sum > 0.0 { sum } else { 0.0 };
-        }
-        *out = group;
+impl Mix {
+    /// The mixture of `all`, `[..][W]`, not negative, to `put` in groups: at which wavelength one begins, and its numbers.
+    #[inline(always)]
+    pub fn blend(&self, all: &[f32], w: usize, mut put: impl FnMut(usize, &[f32])) {
+        let [own, a, b, c] = self.spectra;
+        let of = |which: u32| &all[which as usize * w..][..w];
+        let spectra = [of(own), of(a), of(b), of(c)];
+        // Most counts of wavelengths are made of eights and fours.
+        let mut done = self.blend_by::<8>(spectra, 0, &mut put);
+        done = self.blend_by::<4>(spectra, done, &mut put);
+        self.blend_by::<1>(spectra, done, &mut put);
     }
-    N * out.len()
+
+    /// As many whole groups of `N` as follow from wavelength `start`; where they end.
+    #[inline(always)]
+    fn blend_by<'s, const N: usize>(
+        &self,
+        spectra: [&'s [f32]; 4],
+        start: usize,
+        put: &mut impl FnMut(usize, &[f32]),
+    ) -> usize {
+        let [own, ta, tb, tc] = self.weights;
+        let [m, a, b, c] = spectra;
+        let rest = |of: &'s [f32]| of[start..].as_chunks::<N>().0;
+        let (m, a, b, c) = (rest(m), rest(a), rest(b), rest(c));
+        let mut at = start;
+        for (((m, a), b), c) in m.iter().zip(a).zip(b).zip(c) {
+            let mut group = [0.0; N];
+            for k in 0..N {
+                let sum = own * m[k] + (ta * a[k] + tb * b[k] + tc * c[k]);
+                group[k] = if sum > 0.0 { sum } else { 0.0 };
+            }
+            put(at, &group);
+            at += N;
+        }
+        at
+    }
 }

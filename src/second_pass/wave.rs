@@ -28,15 +28,27 @@ pub struct Path {
     pub medium: u32,
 }
 
+/// Paths that begin at the eye: `count` in each pixel, all of one pixel after the other.
+#[derive(Clone, Copy)]
+pub struct Fresh {
+    /// Which point of the pixels' Sobol' sequences comes first.
+    pub first: u32,
+    /// Points in each pixel.
+    pub count: u32,
+}
+
 /// Rays under way, structure of arrays: a batch for the tracer.
 #[derive(Default)]
 pub struct Wave {
     /// Next segment of each path.
     pub rays: Vec<Ray>,
-    /// The rest of it.
+    /// The rest of it; nothing where all are fresh.
     pub paths: Vec<Path>,
-    /// What share of the radiance met reaches the pixel sample: `[paths][W]`.
+    /// What share of the radiance met reaches the pixel sample: `[paths][W]`; nothing where all are fresh, which bring
+    /// all of it.
     pub throughput: Vec<f32>,
+    /// Whether all paths begin here.
+    pub fresh: Option<Fresh>,
 }
 
 impl Wave {
@@ -47,8 +59,40 @@ impl Wave {
         self.throughput.extend(throughput);
     }
 
+    /// Path `k`.
+    pub fn path(&self, k: usize) -> Path {
+        match self.fresh {
+            None => self.paths[k],
+            Some(Fresh { first, count }) => Path {
+                start: self.rays[k].origin,
+                pixel: k as u32 / count,
+                index: first + k as u32 % count,
+                depth: 0,
+                splits: 0,
+                glossy: false,
+                bounces: 0,
+                medium: NO_MEDIUM,
+            },
+        }
+    }
+
+    /// The pixel of path `k`.
+    pub fn pixel(&self, k: usize) -> usize {
+        self.fresh.map_or_else(|| self.paths[k].pixel as usize, |fresh| k / fresh.count as usize)
+    }
+
+    /// Writes down what fresh paths leave out, for `w` wavelengths.
+    pub fn spell_out(&mut self, w: usize) {
+        if self.fresh.is_some() {
+            self.paths = (0..self.rays.len()).map(|k| self.path(k)).collect();
+            self.throughput = vec![1.0; self.rays.len() * w];
+            self.fresh = None;
+        }
+    }
+
     /// Forgets all paths and keeps the memory.
     pub fn clear(&mut self) {
+        self.fresh = None;
         self.rays.clear();
         self.paths.clear();
         self.throughput.clear();

@@ -140,17 +140,6 @@ impl Against {
         bounds: [[Bounds { lo: [0.0; 4], hi: [0.0; 4], nearness: 0.0 }; WORDS]; 2],
     };
 
-    /// Where the `usable` points of `places` lie against `blocker`.
-    pub fn new(places: &Places, usable: &Bits, blocker: &Blocker) -> Against {
-        wide(Set { places, usable, blocker })
-    }
-
-    /// Whether the blocker's plane parts some of these points from some of the `others`.
-    pub fn is_parted_from(&self, others: &Against) -> bool {
-        let any = |bits: &Bits| *bits != [0; WORDS];
-        (0..2).any(|side| any(&self.sides[side]) && any(&others.sides[1 - side]))
-    }
-
     /// Computes all for `places`, of which only `usable` count.
     #[inline(always)]
     fn set(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
@@ -215,24 +204,6 @@ impl Against {
             nearness: 1.0 / nearest.into_iter().fold(f32::MAX, f32::min),
         };
         self.bounds[side][w] = bounds;
-    }
-}
-
-/// See [`Against::new`].
-struct Set<'a> {
-    places: &'a Places,
-    usable: &'a Bits,
-    blocker: &'a Blocker,
-}
-
-impl HotLoop for Set<'_> {
-    type Output = Against;
-
-    #[inline(always)]
-    fn run(self) -> Against {
-        let mut against = Against::NONE;
-        against.set(self.places, self.usable, self.blocker);
-        against
     }
 }
 
@@ -308,13 +279,6 @@ impl Block {
     /// longer than `length`. Only the `rows` and `columns` given count.
     pub fn test(&mut self, blocker: &Blocker, length: f64, rows: &Bits, columns: &Bits) -> Hidden {
         wide(Test { block: self, blocker, length, rows, columns })
-    }
-
-    /// [`Block::test`] where it is known how the rows and columns lie against the blocker.
-    pub fn test_known(&mut self, blocker: &Blocker, length: f64, [from, to]: [&Against; 2]) -> Hidden {
-        let words = [self.rows.words(), self.columns.words()];
-        let Block { open, unsure, tested, .. } = self;
-        wide(Close { open, unsure, tested, from, to, words, doubt: doubt(blocker, length) })
     }
 }
 

@@ -136,6 +136,7 @@ impl<'a> Build<'a> {
         let mut graph = VisibilityGraph {
             starts: self.points.voxel_starts.clone(),
             edges: Vec::new(),
+            cast: Vec::new(),
             words: Vec::new(),
             key: self.points.key,
             lights: Default::default(),
@@ -143,6 +144,7 @@ impl<'a> Build<'a> {
         };
         let count = edge_index(0, voxels);
         graph.edges.try_reserve_exact(count).map_err(|_| too_large(self.points))?;
+        graph.cast.try_reserve_exact(count).map_err(|_| too_large(self.points))?;
         let mut edges = (0..voxels).flat_map(|b| (0..=b).map(move |a| (a, b)));
         loop {
             let chunk: Vec<(usize, usize)> = edges.by_ref().take(CHUNK).collect();
@@ -174,12 +176,14 @@ impl VisibilityGraph {
         }
         self.stats.add_pairs(&pair.stats);
         self.stats.seen += pair.seen;
-        let mut edge = match pair.copied {
-            Some(edge) => edge,
-            None if pair.seen == 0 => Edge::Hidden,
-            None if pair.seen == pair.facing => Edge::Visible,
-            None => Edge::Partial(0),
+        let by_rays = pair.stats.rays_cast > 0;
+        let (mut edge, cast) = match pair.copied {
+            Some(copied) => copied,
+            None if pair.seen == 0 => (Edge::Hidden, by_rays),
+            None if pair.seen == pair.facing => (Edge::Visible, by_rays),
+            None => (Edge::Partial(0), by_rays),
         };
+        self.cast.push(cast);
         match &mut edge {
             Edge::Hidden => self.stats.hidden_edges += 1,
             Edge::Visible => self.stats.visible_edges += 1,

@@ -4,7 +4,7 @@
 //! and that of the sample points (32 bytes each); the numbers of voxels, of elements, of words and
 //! of bytes of the statistics (`u64` each); the elements, each as surface (`u32`), path (`u32`) and
 //! level (`u8`) of its cell; the first point of each voxel and their number (`u32`); one byte for
-//! each edge (0 visible, 1 hidden, 2 partial); the words of the partial edges in the order of the
+//! each edge (0 visible, 1 hidden, 2 partial, and 4 more if rays were cast for it); the words of the partial edges in the order of the
 //! edges (`u32`); the statistics (JSON); and the BLAKE3 hash of all that (32 bytes). Where a partial
 //! edge's words begin follows from the sizes of the voxels, so no offset can be wrong.
 //!
@@ -24,12 +24,14 @@ use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"LUXGRAPH";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Magic, version, two keys and four sizes.
 const HEADER: u64 = 8 + 4 + 2 * 32 + 4 * 8;
 /// Surface, path and level.
 const ELEMENT: usize = 4 + 4 + 1;
 const HASH: u64 = 32;
+/// Added to the kind of an edge for which rays were cast.
+const CAST: u8 = 4;
 /// Words converted at a time.
 const BLOCK: usize = 1 << 14;
 
@@ -92,7 +94,8 @@ impl VisibilityGraph {
             out.put(&[cell.level])?;
         }
         out.put_words(&self.starts)?;
-        let kinds: Vec<u8> = self.edges.iter().map(|e| kind_of(*e)).collect();
+        let kind = |(edge, cast): (&Edge, &bool)| kind_of(*edge) + CAST * u8::from(*cast);
+        let kinds: Vec<u8> = self.edges.iter().zip(&self.cast).map(kind).collect();
         out.put(&kinds)?;
         for b in 0..self.voxels() {
             for a in 0..=b {
@@ -238,6 +241,7 @@ impl Reader<'_> {
         let mut graph = VisibilityGraph {
             starts,
             edges: Vec::new(),
+            cast: kinds.iter().map(|kind| kind & CAST != 0).collect(),
             words: bits,
             key,
             lights: Default::default(),
@@ -293,7 +297,7 @@ impl VisibilityGraph {
         self.edges.reserve_exact(kinds.len());
         for b in 0..voxels {
             for a in 0..=b {
-                self.edges.push(match kinds[edge_index(a, b)] {
+                self.edges.push(match kinds[edge_index(a, b)] & !CAST {
                     0 => Edge::Visible,
                     1 => Edge::Hidden,
                     2 => {

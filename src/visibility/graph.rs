@@ -22,6 +22,8 @@ pub enum Edge {
 pub struct VisibilityGraph {
     pub(super) starts: Vec<u32>,
     pub(super) edges: Vec<Edge>,
+    /// By edge: whether rays were cast for it. What they say of segments that graze something is a matter of rounding.
+    pub(super) cast: Vec<bool>,
     pub(super) words: Vec<u32>,
     pub(super) key: [u8; 32],
     pub(super) lights: LightSight,
@@ -73,6 +75,7 @@ impl VisibilityGraph {
         let mut graph = VisibilityGraph {
             starts: points.voxel_starts.clone(),
             edges: Vec::with_capacity(voxels * (voxels + 1) / 2),
+            cast: vec![true; voxels * (voxels + 1) / 2],
             words: Vec::new(),
             key: points.key,
             lights: LightSight::default(),
@@ -115,6 +118,11 @@ impl VisibilityGraph {
         self.edges[edge_index(a.min(b), a.max(b))]
     }
 
+    /// Whether rays were cast for the edge between two voxels.
+    pub(super) fn was_cast(&self, a: usize, b: usize) -> bool {
+        self.cast[edge_index(a.min(b), a.max(b))]
+    }
+
     /// The tile with the points of `a` as rows and of `b` as columns. `scratch` holds the bits
     /// when the stored tile is the other way round.
     pub fn tile<'s>(&'s self, a: usize, b: usize, scratch: &'s mut Vec<u32>) -> Tile<'s> {
@@ -155,6 +163,6 @@ impl VisibilityGraph {
 
     /// Memory the graph takes, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        (self.words.len() * 4 + self.edges.len() * size_of::<Edge>() + self.starts.len() * 4) as u64
+        (self.words.len() * 4 + self.edges.len() * (size_of::<Edge>() + 1) + self.starts.len() * 4) as u64
     }
 }

@@ -101,13 +101,17 @@ impl Kept {
         (runs, stayed)
     }
 
-    /// The bits of point `i` of `graph` towards the points of a side; all are set where nothing stands between facing points.
-    pub fn row(&self, graph: &VisibilityGraph, i: usize, runs: &[Run]) -> Bits {
+    /// The bits of point `i` of `graph` towards the points of a side; all are set where nothing stands between facing
+    /// points. And the bits of those points that no ray was cast to find out about.
+    pub fn row(&self, graph: &VisibilityGraph, i: usize, runs: &[Run]) -> (Bits, Bits) {
         let a = graph.voxel_of(i);
         let r = i - graph.voxel(a).start;
-        let mut bits = 0u128;
+        let (mut bits, mut known) = (0u128, 0u128);
         for run in runs {
             let b = run.voxel as usize;
+            if graph.was_cast(a, b) {
+                continue;
+            }
             let part = match graph.edge(a, b) {
                 Edge::Visible => u128::MAX,
                 Edge::Hidden => 0,
@@ -124,9 +128,12 @@ impl Kept {
                     (0..run.count).map(bit).fold(0, |bits, bit| bits | bit)
                 }
             };
-            bits |= (part & u128::MAX >> (128 - run.count)) << run.at;
+            let all = u128::MAX >> (128 - run.count);
+            bits |= (part & all) << run.at;
+            known |= all << run.at;
         }
-        std::array::from_fn(|w| (bits >> (32 * w)) as u32)
+        let words = |bits: u128| std::array::from_fn(|w| (bits >> (32 * w)) as u32);
+        (words(bits), words(known))
     }
 }
 

@@ -56,12 +56,6 @@ impl Build<'_> {
 }
 
 impl PairWork<'_> {
-    /// Opens `pairs` of the first `rows` rows of the block and no others.
-    pub fn reopen(&mut self, pairs: &[Bits; SIDE], rows: usize) {
-        self.block.clear();
-        self.block.open[..rows].copy_from_slice(&pairs[..rows]);
-    }
-
     /// Makes the pairs of `rows` and `columns` those of the block; none is open. `columns` begin with a word.
     fn begin(&mut self, rows: Range<usize>, columns: Range<usize>) {
         let places = |of: &Range<usize>| {

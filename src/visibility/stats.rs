@@ -33,10 +33,8 @@ pub struct GraphStats {
     pub rays_cast: u64,
     /// Facing pairs that see each other, but in an update those of edges that were copied whole.
     pub seen: u64,
-    /// In an update: pairs whose answer was copied, all of those in edges that were copied whole included,
+    /// In an update: pairs whose answer was copied, all of those in edges that were copied whole included.
     pub copied: u64,
-    /// and those decided by tests against what came or went alone.
-    pub retested: u64,
     /// Wall time of the build, s.
     pub build_s: f64,
 }
@@ -57,6 +55,5 @@ impl GraphStats {
         self.direct += other.direct;
         self.rays_cast += other.rays_cast;
         self.copied += other.copied;
-        self.retested += other.retested;
     }
 }

@@ -43,8 +43,9 @@ pub(super) struct VoxelPair {
     pub seen: u64,
     /// How they were decided.
     pub stats: GraphStats,
-    /// The edge, if it was copied with its bits from another graph, and how many facing pairs there are was not asked.
-    pub copied: Option<Edge>,
+    /// The edge, if it was copied with its bits from another graph, and whether rays had been cast for it there. How many
+    /// facing pairs there are was not asked.
+    pub copied: Option<(Edge, bool)>,
 }
 
 /// One side of a tile: the points of a patch that are in front of the other's plane.

@@ -1,14 +1,13 @@
 //! The graph of a scene in which some surfaces moved, came or went: the "rapid incremental method" that the paper
 //! leaves open.
 //!
-//! What two points see of each other changes only by surfaces that came or went between them. So the bits between two
-//! voxels that no such surface can come between are copied. Elsewhere a pair of points that both stayed and saw each
-//! other is tested against what came, and one that did not against what went; only the pairs that something gone
-//! hid, and those with a new point, are decided anew. [`Block::test`] gives the same answer wherever it is asked, so the
-//! graph has the bits of one that is built from nothing.
+//! What two points see of each other changes only by surfaces that came or went between them. So the bits between points
+//! that stayed are copied wherever no such surface can come between the boxes around them; all others are
+//! decided anew. [`Block::test`] and what settles its doubts give the same answer wherever they are asked, but rays do not
+//! where a segment grazes something: where rays were cast, or are to be cast, nothing is copied but whole edges that
+//! nothing came near. So the graph has the bits of one that is built from nothing.
 
-use super::block::{Against, Bits, Block, Places, SIDE, WORDS, count};
-use super::blocker::Blocker;
+use super::block::{Bits, Block, SIDE, WORDS, count, span};
 use super::build::{Build, GraphSettings, check};
 use super::cull::BoxShaft;
 use super::graph::{Edge, VisibilityGraph, stride_of};
@@ -17,12 +16,12 @@ use super::pairs::set;
 use super::patch::Patch;
 use super::tile::{PairWork, VoxelPair, blocks, pays};
 use crate::error::Result;
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Surface};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
-use crate::scene::Geometry;
+use crate::scene::{Geometry, ObjectId};
 use crate::tracers::RayTracer;
-use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -31,6 +30,9 @@ const LEAST_KEPT: f64 = 0.5;
 
 /// So few pairs of a block are decided one by one.
 const FEW: u64 = 64;
+
+/// The points of a group, of which the box around them tells whether something can come before them.
+const GROUP: usize = 16;
 
 /// What an update shares between all threads.
 struct Update<'a> {
@@ -51,6 +53,8 @@ struct Update<'a> {
 struct Side {
     points: Range<usize>,
     bounds: Aabb,
+    /// Around [`GROUP`] of them after another.
+    groups: Vec<Aabb>,
     /// Whether all its surfaces are planar.
     flat: bool,
     /// The points that stayed,
@@ -61,63 +65,29 @@ struct Side {
 
 /// Surfaces that came or went.
 struct Changed {
-    blockers: Vec<Blocker>,
+    /// The boxes around those of each object.
+    bounds: Vec<Aabb>,
+    /// How far rounding may carry them, m.
+    slack: f64,
     /// One is no polygon.
     round: bool,
-    /// The box around them.
-    bounds: Aabb,
-    /// How the points of each side lie against each of them.
-    known: Vec<Against>,
 }
 
 impl Changed {
-    /// `own` gives the surface of the present scene that each is, if it is one.
-    fn new(
-        build: &Build,
-        sides: &[Side],
-        blockers: Vec<Blocker>,
-        own: impl Fn(usize) -> Option<u32> + Sync,
-    ) -> Self {
-        let against = |side: &Side| {
-            let mut places = Places::NONE;
-            places.set(side.points.clone().map(|i| build.points.position[i].as_dvec3()));
-            let members = build.members(&side.points);
-            let mut found = Vec::with_capacity(blockers.len());
-            for (k, blocker) in blockers.iter().enumerate() {
-                let mut usable = [0; WORDS];
-                for (bits, patch) in &members {
-                    if own(k) != Some(patch.surface.0) && build.has_before(blocker, patch) {
-                        usable = std::array::from_fn(|w| usable[w] | bits[w]);
-                    }
-                }
-                found.push(Against::new(&places, &usable, blocker));
-            }
-            found
-        };
-        let known = sides.par_iter().flat_map_iter(against).collect();
-        let bounds = blockers.iter().fold(Aabb::EMPTY, |all, blocker| all.union(*blocker.bounds()));
-        let round = blockers.iter().any(|blocker| blocker.round().is_some());
-        Changed { blockers, round, bounds, known }
+    fn new<'a>(surfaces: impl Iterator<Item = (ObjectId, &'a Surface)>, slack: f64) -> Self {
+        let mut boxes: BTreeMap<ObjectId, Aabb> = BTreeMap::new();
+        let mut round = false;
+        for (object, surface) in surfaces {
+            let bounds = boxes.entry(object).or_insert(Aabb::EMPTY);
+            *bounds = bounds.union(surface.bounds());
+            round |= surface.round().is_some();
+        }
+        Changed { bounds: boxes.into_values().collect(), slack, round }
     }
 
     /// Whether one may come between two boxes.
     fn touches(&self, shaft: &BoxShaft) -> bool {
-        let slack = self.blockers.iter().map(|b| b.bands().slack).fold(0.0, f64::max);
-        !self.blockers.is_empty() && shaft.meets(&self.bounds, slack)
-    }
-
-    /// Closes the open pairs of a block, between two sides, that one of them hides, and marks those too close to call.
-    fn close(&self, block: &mut Block, sides: &[Side], [a, b]: [usize; 2], shaft: &BoxShaft, length: f64) {
-        let n = self.blockers.len();
-        for (k, blocker) in self.blockers.iter().enumerate() {
-            let known = [&self.known[a * n + k], &self.known[b * n + k]];
-            if known[0].is_parted_from(known[1])
-                && blocker.may_separate(&sides[a].bounds, &sides[b].bounds)
-                && !shaft.misses(blocker)
-            {
-                block.test_known(blocker, length, known);
-            }
-        }
+        self.bounds.iter().any(|bounds| shaft.meets(bounds, self.slack))
     }
 }
 
@@ -149,7 +119,7 @@ impl VisibilityGraph {
         }
         let settings = GraphSettings::default();
         let build = Build::new(geometry, points, tracer, &settings);
-        let update = Update::new(&build, self, &kept, before.0);
+        let update = Update::new(&build, self, &kept, before.0, geometry);
         let n = points.len() as u64;
         observer.begin("visibility graph", n * n.saturating_sub(1) / 2);
         let graph = build.edges(observer, |block, a, b| update.edge(block, a, b));
@@ -165,21 +135,30 @@ impl VisibilityGraph {
 type Members<'a> = &'a [(Bits, &'a Patch)];
 
 impl<'a> Update<'a> {
-    fn new(build: &'a Build<'a>, graph: &'a VisibilityGraph, kept: &'a Kept, before: &Geometry) -> Self {
+    fn new(
+        build: &'a Build<'a>,
+        graph: &'a VisibilityGraph,
+        kept: &'a Kept,
+        before: &Geometry,
+        now: &Geometry,
+    ) -> Self {
         let (mut sides, mut first_side) = (Vec::new(), vec![0]);
         for v in 0..build.points.voxels() {
             for points in blocks(&build.points.voxel(v)) {
                 let (runs, stayed) = kept.runs(graph, &points);
+                let group = |first: usize| build.around(&(first..(first + GROUP).min(points.end)));
+                let groups = points.clone().step_by(GROUP).map(group).collect();
                 let (bounds, flat) = (build.around(&points), build.is_flat(&points));
-                sides.push(Side { points, bounds, flat, stayed, runs });
+                sides.push(Side { points, bounds, groups, flat, stayed, runs });
             }
             first_side.push(sides.len());
         }
-        let blockers =
-            kept.gone.iter().map(|&s| Blocker::new(&before.surfaces[s as usize], &build.bands)).collect();
-        let gone = Changed::new(build, &sides, blockers, |_| None);
-        let blockers = kept.come.iter().map(|&s| build.blockers[s as usize].clone()).collect();
-        let come = Changed::new(build, &sides, blockers, |k| Some(kept.come[k]));
+        let slack = build.blockers.iter().map(|b| b.bands().slack).fold(0.0, f64::max);
+        let changed = |of: &'_ Geometry, which: &[u32]| {
+            let surfaces = which.iter().map(|&s| (of.object[s as usize], &of.surfaces[s as usize]));
+            Changed::new(surfaces, slack)
+        };
+        let (gone, come) = (changed(before, &kept.gone), changed(now, &kept.come));
         Update { build, graph, kept, sides, first_side, gone, come }
     }
 
@@ -240,7 +219,8 @@ impl<'a> Update<'a> {
     fn copy(&self, a: usize, b: usize) -> VoxelPair {
         let (rows, columns) = (self.graph.voxel(a).len(), self.graph.voxel(b).len());
         let edge = self.graph.edge(a, b);
-        let mut pair = VoxelPair { copied: Some(edge), ..VoxelPair::default() };
+        let copied = Some((edge, self.graph.was_cast(a, b)));
+        let mut pair = VoxelPair { copied, ..VoxelPair::default() };
         let all = if a == b { rows * (rows - 1) / 2 } else { rows * columns } as u64;
         (pair.stats.pairs, pair.stats.copied) = (all, all);
         if let Edge::Partial(first) = edge {
@@ -264,88 +244,51 @@ impl<'a> Update<'a> {
         let (on_a, on_b) = (self.build.members(&a.points), self.build.members(&b.points));
         work.open_facing(a.points.clone(), b.points.clone(), &on_a, &on_b);
         let facing = work.block.count_open();
-        let length = a.bounds.union(b.bounds).size().length();
-        let rows = a.points.len();
-        // Of the facing pairs: those that saw each other, those that did not, and those to be decided anew.
-        let (mut seen, mut hidden, mut anew) = ([[0; WORDS]; SIDE], [[0; WORDS]; SIDE], [[0; WORDS]; SIDE]);
-        let mut any = [0; 3];
-        for r in 0..rows {
-            let facing = work.block.open[r];
-            let before = self.kept.before(a.points.start + r).map(|i| self.kept.row(self.graph, i, &b.runs));
-            for w in 0..WORDS {
-                let stayed = if before.is_some() { b.stayed[w] } else { 0 };
-                let saw = before.map_or(0, |bits| bits[w]);
-                seen[r][w] = facing[w] & stayed & saw;
-                hidden[r][w] = facing[w] & stayed & !saw;
-                anew[r][w] = facing[w] & !stayed;
-                any = [any[0] | seen[r][w], any[1] | hidden[r][w], any[2] | anew[r][w]];
+        if facing == 0 {
+            return;
+        }
+        // What is too close to call must not depend on the way: rays where a build from nothing would cast them.
+        if !pays(work.open.len(), work.block.points(), facing) {
+            let all = work.open.len();
+            work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
+            let candidates = work.open.len() - all;
+            work.open.truncate(all);
+            if !pays(candidates, work.block.points(), facing) {
+                return work.push_open();
             }
         }
-        let total = |bits: &[Bits]| bits.iter().map(count).sum::<u64>();
-        let stayed = total(&seen[..rows]) + total(&hidden[..rows]);
-        let mut reopened = [[0; WORDS]; SIDE];
-        if gone && any[1] != 0 {
-            work.reopen(&hidden, rows);
-            self.gone.close(work.block, &self.sides, [first, second], &shaft, length);
-            for r in 0..rows {
-                let (open, unsure) = (work.block.open[r], work.block.unsure[r]);
-                reopened[r] = std::array::from_fn(|w| hidden[r][w] & (!open[w] | unsure[w]));
-            }
+        let clear = if gone || come { self.clear_of_change(a, b) } else { [[u32::MAX; WORDS]; SIDE / GROUP] };
+        let mut copied = 0;
+        for r in 0..a.points.len() {
+            let Some(before) = self.kept.before(a.points.start + r) else { continue };
+            let (saw, known) = self.kept.row(self.graph, before, &b.runs);
+            let open = &mut work.block.open[r];
+            let settled: Bits =
+                std::array::from_fn(|w| open[w] & known[w] & b.stayed[w] & clear[r / GROUP][w]);
+            *open = std::array::from_fn(|w| open[w] & !settled[w]);
+            copied += count(&settled);
+            let seen = std::array::from_fn(|w| settled[w] & saw[w]);
+            work.see_words(a.points.start + r, b.points.start, &seen);
         }
-        if any[0] != 0 {
-            work.reopen(&seen, rows);
-            if come {
-                self.come.close(work.block, &self.sides, [first, second], &shaft, length);
-            }
-            for r in 0..rows {
-                let (open, unsure) = (work.block.open[r], work.block.unsure[r]);
-                work.see_words(
-                    a.points.start + r,
-                    b.points.start,
-                    &std::array::from_fn(|w| open[w] & !unsure[w]),
-                );
-                for c in set(&std::array::from_fn(|w| open[w] & unsure[w])) {
-                    let (i, j) = (a.points.start + r, b.points.start + c);
-                    if !self.build.hides(&self.kept.come, i, j) {
-                        work.see_points(i, j);
-                    }
+        work.result.stats.copied += copied;
+        if copied < facing {
+            self.decide(work, [a, b], (&on_a, &on_b));
+        }
+    }
+
+    /// For each group of rows the columns that nothing gone or come can come between.
+    fn clear_of_change(&self, a: &Side, b: &Side) -> [Bits; SIDE / GROUP] {
+        let mut clear = [[0; WORDS]; SIDE / GROUP];
+        for (from, clear) in a.groups.iter().zip(&mut clear) {
+            for (k, to) in b.groups.iter().enumerate() {
+                let shaft = BoxShaft::new(from, to);
+                if !self.gone.touches(&shaft) && !self.come.touches(&shaft) {
+                    let columns = span(GROUP * k, GROUP * (k + 1));
+                    *clear = std::array::from_fn(|w| clear[w] | columns[w]);
                 }
             }
         }
-        let settled = stayed - total(&reopened[..rows]);
-        if gone || come {
-            work.result.stats.retested += settled;
-        } else {
-            work.result.stats.copied += settled;
-        }
-        // What is too close to call must not depend on the way: rays where a build from nothing would cast them.
-        let by_rays =
-            (any[2] != 0 || settled < stayed) && !pays(work.open.len(), work.block.points(), facing) && {
-                let all = work.open.len();
-                work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
-                let candidates = work.open.len() - all;
-                work.open.truncate(all);
-                !pays(candidates, work.block.points(), facing)
-            };
-        // New points are few and close together: so are the surfaces that can block between them and all others.
-        let is_new = |r: usize| a.stayed[r / 32] >> (r % 32) & 1 == 0;
-        for part in 0..3 {
-            let mut open = [[0; WORDS]; SIDE];
-            for r in 0..rows {
-                open[r] = match part {
-                    0 if is_new(r) => anew[r],
-                    1 if !is_new(r) => anew[r],
-                    2 => reopened[r],
-                    _ => [0; WORDS],
-                };
-            }
-            work.reopen(&open, rows);
-            if by_rays {
-                work.push_open();
-            } else if open[..rows].iter().any(|bits| *bits != [0; WORDS]) {
-                self.decide(work, [a, b], (&on_a, &on_b));
-            }
-        }
+        clear
     }
 
     /// Decides the open pairs of a block by what can block between the points that they join.

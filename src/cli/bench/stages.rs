@@ -7,11 +7,12 @@ use crate::cli::say::say;
 use luxgraph::error::Result;
 use luxgraph::report::bench::first_pass::FirstPassBench;
 use luxgraph::report::bench::graph::GraphBench;
+use luxgraph::report::bench::moved::MovedBench;
 use luxgraph::report::bench::stages::{Stages, stages};
 use luxgraph::report::bench::tracers::TracerRates;
 use luxgraph::report::paper_tables::group;
 use luxgraph::report::{Machine, peak_memory_bytes, write_json};
-use luxgraph::scene;
+use luxgraph::scene::SceneDescription;
 use luxgraph::settings::Settings;
 use luxgraph::spectrum::Wavelengths;
 use serde::Serialize;
@@ -28,13 +29,18 @@ struct Report {
 
 /// Times every stage of a scene beside its ceiling.
 pub fn run(args: &BenchStages) -> Result<()> {
-    let scene = scene::load(&args.scene)?;
+    let description = SceneDescription::read(&args.scene)?;
+    let scene = description.compile()?;
+    let changed = match &args.changes {
+        Some(path) => Some(description.changed(path)?.compile_over(&scene)?),
+        None => None,
+    };
     let settings = Settings {
         tracer: tracer_choice(args.tracer),
         wavelengths: Wavelengths::parse(&args.wavelengths)?,
         ..Settings::default()
     };
-    let stages = stages(&scene, &settings, &args.points, &Bars::new())?;
+    let stages = stages(&scene, changed.as_ref(), &settings, &args.points, &Bars::new())?;
     print(&stages);
     let (machine, peak_memory_bytes) = (Machine::this(), peak_memory_bytes());
     say!("peak memory {:.0} MB", peak_memory_bytes as f64 / 1e6);
@@ -82,6 +88,18 @@ fn print(stages: &Stages) {
         group(graph.graph_seen),
         group(graph.ceiling_seen)
     );
+    for MovedBench { points, update_s, build_s, ratio, copied_share, different_pairs } in
+        stages.sizes.iter().filter_map(|size| size.moved.as_ref())
+    {
+        say!(
+            "changed scene, {} points: graph updated in {update_s:.3} s, {:.1} % of the {build_s:.3} s that a new one takes; \
+             {:.1} % of the pairs copied, {} different",
+            group(*points),
+            100.0 * ratio,
+            100.0 * copied_share,
+            group(*different_pairs)
+        );
+    }
     say!(
         "\nfirst pass: a sweep over the dense product of a stored matrix; relights over graph and first pass"
     );

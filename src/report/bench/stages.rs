@@ -4,11 +4,13 @@ use super::area_factor_for;
 use super::first_pass::{self, FirstPassBench, usual_changes};
 use super::graph::{self, GraphBench};
 use super::hall::hall;
+use super::moved::{MovedBench, moved};
 use super::second_pass::{SecondPassRates, second_pass_rates};
 use super::tracers::{TracerRates, tracer_rates};
 use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::pipeline;
+use crate::points::Sampling;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::tracers;
@@ -30,6 +32,8 @@ pub struct AtPoints {
     pub graph: GraphBench,
     /// The first pass, and new appearances over the same graph.
     pub first_pass: FirstPassBench,
+    /// The graph after the changes that were asked for.
+    pub moved: Option<MovedBench>,
 }
 
 /// All stages.
@@ -45,12 +49,13 @@ pub struct Stages {
     pub second_pass: SecondPassRates,
 }
 
-/// Measures all stages of `scene` at about each number of `points`.
+/// Measures all stages of `scene` at about each number of `points`, and the update of its graph to the scene `changed`.
 ///
 /// # Errors
 /// Those of the stages; [`Error::Settings`] when no number of points is given, or one too small for the scene.
 pub fn stages(
     scene: &Scene,
+    changed: Option<&Scene>,
     settings: &Settings,
     points: &[usize],
     observer: &dyn Observer,
@@ -62,12 +67,14 @@ pub fn stages(
     for &wanted in points {
         let factor = area_factor_for(geometry, &scene.sampling, wanted)?;
         let settings = Settings { area_factor: factor, ..settings.clone() };
-        let prepared =
-            pipeline::prepare(geometry, &scene.sampling, &settings, tracer.as_ref(), None, observer)?;
+        // What the graph itself asks to be refined would make it another number.
+        let sampling = Sampling { refine_solid_angle: None, ..scene.sampling };
+        let prepared = pipeline::prepare(geometry, &sampling, &settings, tracer.as_ref(), None, observer)?;
         let graph = graph::graph(geometry, &prepared.points, tracer.as_ref(), observer)?;
         let first_pass =
             first_pass::measure(scene, &prepared, &settings, &changes, MOST_BYTES, REPEATS, observer)?;
-        sizes.push(AtPoints { graph, first_pass });
+        let moved = changed.map(|c| moved((geometry, &prepared), c, &settings, observer)).transpose()?;
+        sizes.push(AtPoints { graph, first_pass, moved });
         if second_pass.is_none() {
             let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, observer)?;
             let camera = scene.cameras.first();
