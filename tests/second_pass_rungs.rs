@@ -63,12 +63,12 @@ fn a_furnace_is_even_on_every_rung() {
         room("wall", [2.0, 1.8, 1.4])
     ));
     for rung in RUNGS {
-        let image = view(&scene, &scene.cameras[0], &settings(rung, 64));
+        let image = view(&scene, &scene.cameras[0], &settings(rung, 256));
         let found = mean(&image);
         assert!((found / 2.5 - 1.0).abs() < 4e-3, "{rung:?}: {found}");
         // No corner glows and none is dark.
         let worst = image.radiance.iter().map(|&l| (f64::from(l) / 2.5 - 1.0).abs()).fold(0.0, f64::max);
-        assert!(worst < 0.12, "{rung:?}: {worst}");
+        assert!(worst < 0.08, "{rung:?}: {worst}");
     }
 }
 
@@ -101,7 +101,7 @@ fn shadows_of_point_lights_are_exact_from_direct_on() {
     let (mut compared, mut dark) = (0, 0);
     for y in 0..30 {
         for x in 0..40 {
-            // Pixels of which all four corners see the floor, lit or not.
+            // Pixels of which all four corners see the floor, well inside the shadow or well outside.
             let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(dx, dy)| {
                 let ray = at.ray(f64::from(x) + dx, f64::from(y) + dy);
                 let p = ray.origin + ray.direction * (-ray.origin.z / ray.direction.z);
@@ -110,7 +110,8 @@ fn shadows_of_point_lights_are_exact_from_direct_on() {
                 let shelf = ray.origin + ray.direction * ((0.5 - ray.origin.z) / ray.direction.z);
                 let hidden =
                     ray.direction.z > 0.0 || (shelf.x - 1.0).abs() < 0.25 && (shelf.y - 1.0).abs() < 0.25;
-                (floor && !hidden).then(|| expected(p))
+                let edge = ((p.x - 1.0).abs().max((p.y - 1.0).abs()) - 0.3).abs();
+                (floor && !hidden && edge > 0.05).then(|| expected(p))
             });
             let [Some(a), Some(b), Some(c), Some(d)] = corners else { continue };
             let (low, high) = (a.min(b).min(c).min(d), a.max(b).max(c).max(d));
@@ -124,7 +125,7 @@ fn shadows_of_point_lights_are_exact_from_direct_on() {
             }
         }
     }
-    assert!(compared > 300 && dark > 20, "{compared} {dark}");
+    assert!(compared > 300 && dark > 12, "{compared} {dark}");
 }
 
 #[test]
