@@ -75,14 +75,14 @@ fn a_furnace_is_even_on_every_rung() {
 /// A small shelf over a floor, a point light over both: what the floor shows is known at every place.
 #[test]
 fn shadows_of_point_lights_are_exact_from_direct_on() {
-    let scene = scene(&format!(
+    let scene = scene(
         "format = 1\n[sampling]\nmax_area = 0.05\n[materials.wall]\nreflectance = 0.5\n[materials.black]\nreflectance = 0.0\n\
          [[objects]]\nname = \"floor\"\nmaterial = \"wall\"\nquads = [[[0,0,0],[2,0,0],[2,2,0],[0,2,0]]]\n\
          [[objects]]\nname = \"shelf\"\nmaterial = \"black\"\n\
          quads = [[[0.8,0.8,0.5],[0.8,1.2,0.5],[1.2,1.2,0.5],[1.2,0.8,0.5]]]\n\
          [[lights]]\nname = \"l\"\nposition = [1, 1, 1.5]\nspectrum = 1.0\nluminous_intensity = 100\n\
-         [[cameras]]\nname = \"c\"\nposition = [-0.5, 1, 0.4]\ntarget = [1, 1, 0]\nfov_deg = 50\nresolution = [40, 30]\n"
-    ));
+         [[cameras]]\nname = \"c\"\nposition = [-0.5, 1, 0.4]\ntarget = [1, 1, 0]\nfov_deg = 50\nresolution = [40, 30]\n",
+    );
     let camera = &scene.cameras[0];
     let appearance = scene.appearance.sample(&scene.geometry, &Wavelengths::meyer4(), 20);
     let expected = |p: DVec3| {
