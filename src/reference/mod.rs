@@ -9,6 +9,7 @@
 
 mod bsdf;
 mod emitters;
+mod events;
 mod path;
 
 use crate::error::{Error, Result};
