@@ -17,6 +17,8 @@ pub mod ideal;
 mod known;
 mod layout;
 pub mod lights;
+pub mod linked;
+mod linked_solve;
 pub mod lobe;
 pub mod lobe_table;
 pub mod member;
@@ -37,6 +39,7 @@ mod stats;
 pub mod system;
 pub mod visibility_calls;
 
+pub use linked_solve::LinkedRelighter;
 pub use relighter::Relighter;
 pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};
 pub use stats::{FirstPassStats, FluxBalance, Range};
@@ -48,7 +51,6 @@ use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use crate::spectrum::Wavelengths;
 use crate::visibility::VisibilityGraph;
-use system::System;
 
 /// Steps of the solution as progress is told.
 const STEPS: u64 = 100;
@@ -102,10 +104,10 @@ fn descent(observer: &dyn Observer) -> impl FnMut(f64) + '_ {
     }
 }
 
-/// Whether an appearance belongs to a scene and holds nothing that is not a number.
+/// Whether an appearance belongs to a scene, of which it must be known what the point lights reach, and holds nothing that is not a number.
 fn check_appearance(
     geometry: &Geometry,
-    graph: &VisibilityGraph,
+    knows_lights: bool,
     appearance: &SampledAppearance,
 ) -> Result<()> {
     let refuse = |message: &str| Err(Error::Settings(message.into()));
@@ -120,7 +122,7 @@ fn check_appearance(
     if w == 0 {
         return refuse("a run needs at least one wavelength");
     }
-    if !graph.knows_lights(geometry) {
+    if !knows_lights {
         return refuse("it is not known what the point lights reach: let the graph look at them");
     }
     let sane = |l: &Vec<f32>| l.len() == w && l.iter().all(|i| (0.0..=f32::MAX).contains(i));
@@ -174,12 +176,16 @@ const MOST_GAIN: f64 = 1e5;
 /// A system that gains energy has a solution, but not a positive one (Perron and Frobenius), and one that
 /// neither gains nor loses any has none: refuses both. Negative radiance within the tolerance is rounding
 /// and becomes 0.
-fn refuse_endless(radiance: &mut [f32], system: &System, settings: &FirstPassSettings) -> Result<()> {
-    let n = system.points.len().max(1);
+fn refuse_endless(
+    radiance: &mut [f32],
+    emitted: &[f64],
+    flux: impl Fn(&[f32]) -> Vec<f64>,
+    settings: &FirstPassSettings,
+) -> Result<()> {
+    let n = (radiance.len() / emitted.len().max(1)).max(1);
     let negative: Vec<f32> = radiance.iter().map(|l| l.min(0.0)).collect();
-    let emitted = system.emitted();
-    let whole = system.flux(radiance);
-    for (k, negative) in system.flux(&negative).into_iter().enumerate() {
+    let whole = flux(radiance);
+    for (k, negative) in flux(&negative).into_iter().enumerate() {
         let rounding = (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k]);
         let endless = whole[k] > MOST_GAIN * emitted[k];
         if !whole[k].is_finite() || endless || negative > rounding {

@@ -5,7 +5,7 @@ pub mod machine;
 pub mod paper_tables;
 pub mod wavelength_table;
 
-pub use machine::{Machine, peak_memory_bytes, reset_peak_memory};
+pub use machine::{Machine, peak_memory_bytes, processor_s, reset_peak_memory};
 
 use crate::atomic_file;
 use crate::error::{Error, Result};

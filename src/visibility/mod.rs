@@ -14,6 +14,7 @@ mod flat;
 mod graph;
 mod kept;
 mod lights;
+mod links;
 mod pairs;
 mod patch;
 mod round;
@@ -24,4 +25,5 @@ mod update;
 
 pub use build::GraphSettings;
 pub use graph::{Edge, Tile, VisibilityGraph};
+pub use links::{LinkSettings, LinkStats, Links};
 pub use stats::GraphStats;
