@@ -7,11 +7,15 @@ use super::round::{of_piece, within_sphere};
 use super::settings::Kernel;
 use crate::points::{Piece, SamplePoints};
 use crate::visibility::Links;
+use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Receivers of one task.
 const ROWS: usize = 256;
+
+/// Parts of a cell are not looked for below the horizon where all of it has no more than this projected solid angle, sr.
+const NOTHING: f64 = 2e-4;
 
 /// D over the links of a scene: E_i = Σ_c w_ic L_c, where L_c is the mean radiance of a cluster by area.
 pub struct LinkedOperator<'a> {
@@ -36,9 +40,16 @@ impl<'a> LinkedOperator<'a> {
             rest = others;
         }
         tasks.into_par_iter().for_each(|(rows, weight)| {
-            let links = rows.flat_map(|i| links.row(i).map(move |(c, share)| (i, c, share)));
-            for (weight, (i, c, share)) in weight.iter_mut().zip(links) {
-                *weight = share * operator.unhidden(i, c, kernel);
+            let mut rest = weight;
+            for i in rows {
+                let (own, others) = rest.split_at_mut(links.starts[i + 1] - links.starts[i]);
+                rest = others;
+                for (weight, (c, share)) in own.iter_mut().zip(links.row(i)) {
+                    *weight = share * operator.unhidden(i, c, kernel);
+                }
+                if kernel == Kernel::Analytic {
+                    operator.complete(i, own);
+                }
             }
         });
         operator.weight = weight;
@@ -87,6 +98,50 @@ impl<'a> LinkedOperator<'a> {
         } else {
             of_plain()
         }
+    }
+
+    /// Makes up for elements that the horizon of point `i` cuts and of which the middle is below it, so that they have no
+    /// link: what is seen of the rest of their surface stands for them. `weight` is that of all links of `i`.
+    fn complete(&self, i: usize, weight: &mut [f32]) {
+        let hierarchy = &self.links.hierarchy;
+        let whole_of = |c: u32| {
+            let cluster = &hierarchy.clusters[c as usize];
+            cluster.cell.filter(|(id, ..)| !self.points.rounds.contains_key(id)).map(|_| cluster.whole as usize)
+        };
+        // Links to one surface follow each other.
+        let clusters = &self.links.cluster[self.links.starts[i]..self.links.starts[i + 1]];
+        let mut rest = weight;
+        for of_one in clusters.chunk_by(|&a, &b| whole_of(a) == whole_of(b)) {
+            let (own, others) = rest.split_at_mut(of_one.len());
+            rest = others;
+            let Some(whole) = whole_of(of_one[0]) else { continue };
+            let lacking = self.lacking(i, whole);
+            if lacking > 0.0 {
+                let all = exact(self.points.position[i], self.points.normal[i], &hierarchy.corners[whole]);
+                let factor = (all / (all - lacking).max(0.25 * all)) as f32;
+                own.iter_mut().for_each(|weight| *weight *= factor);
+            }
+        }
+    }
+
+    /// q of the elements of cell `c` that the horizon of point `i` cuts and of which the middle is below it.
+    fn lacking(&self, i: usize, c: usize) -> f64 {
+        let hierarchy = &self.links.hierarchy;
+        let (position, normal) = (self.points.position[i], self.points.normal[i]);
+        let height = |p: Vec3| normal.dot(p - position);
+        let corners = &hierarchy.corners[c];
+        let above = |&v: &Vec3| height(v) > 0.0;
+        if corners.iter().all(above) || !corners.iter().any(above) {
+            return 0.0;
+        }
+        let q = exact(position, normal, corners);
+        if q < NOTHING {
+            return 0.0;
+        }
+        if hierarchy.clusters[c].len() == 1 {
+            return if height(hierarchy.clusters[c].position) > 0.0 { 0.0 } else { q };
+        }
+        hierarchy.parts(c).map(|part| self.lacking(i, part)).sum()
     }
 
     /// The same of a cluster of several surfaces: by the points that were asked whether they are seen.

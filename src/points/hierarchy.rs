@@ -31,6 +31,8 @@ pub struct Cluster {
     pub spread: f32,
     /// The cell that it is, if it is one of a single surface.
     pub cell: Option<(SurfaceId, Side, Cell)>,
+    /// The cluster that is the whole side of that surface.
+    pub whole: u32,
 }
 
 /// All clusters, each followed by its parts.
@@ -113,8 +115,9 @@ impl Hierarchy {
     /// Adds the tree over some sides of surfaces.
     fn group(&mut self, geometry: &Geometry, points: &SamplePoints, items: &mut [Item]) {
         if let [item] = items {
-            let of = std::mem::take(&mut item.points);
+            let (of, first) = (std::mem::take(&mut item.points), self.clusters.len());
             self.cell(geometry, points, &of, Cell::ROOT);
+            self.clusters[first..].iter_mut().for_each(|part| part.whole = first as u32);
             return;
         }
         let own = self.open();
@@ -180,6 +183,7 @@ impl Hierarchy {
             high: Vec3::NEG_INFINITY,
             spread: 0.0,
             cell: None,
+            whole: 0,
         });
         self.corners.push([Vec3::ZERO; 4]);
         self.clusters.len() - 1
@@ -204,6 +208,7 @@ impl Hierarchy {
             high,
             spread,
             cell: None,
+            whole: 0,
         };
     }
 }
