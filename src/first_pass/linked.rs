@@ -3,6 +3,7 @@
 use super::diffuse::{interleave, unit_of};
 use super::form_factor::{NEAR, exact, plain, plane_distances};
 use super::lobe_table::BAND;
+use super::near::DOUBT;
 use super::round::{of_piece, within_sphere};
 use super::settings::Kernel;
 use crate::points::{Piece, SamplePoints};
@@ -16,6 +17,9 @@ const ROWS: usize = 256;
 
 /// Parts of a cell are not looked for below the horizon where all of it has no more than this projected solid angle, sr.
 const NOTHING: f64 = 2e-4;
+
+/// Cells of which extent² / r² is less are added up as one where only the size of a sum matters.
+const SMALL: f32 = 0.1;
 
 /// D over the links of a scene: E_i = Σ_c w_ic L_c, where L_c is the mean radiance of a cluster by area.
 pub struct LinkedOperator<'a> {
@@ -92,7 +96,7 @@ impl<'a> LinkedOperator<'a> {
             return if near { of_piece(points.position[i], points.normal[i], &piece) as f32 } else { of_plain() };
         }
         let corners = &hierarchy.corners[c];
-        let extent2 = 0.5 * corners.iter().map(|v| v.distance_squared(cluster.position)).sum::<f32>();
+        let extent2 = self.extent2(c);
         if extent2 > NEAR * r2 || here * here < extent2 {
             exact(points.position[i], points.normal[i], corners) as f32
         } else {
@@ -116,7 +120,7 @@ impl<'a> LinkedOperator<'a> {
             rest = others;
             let Some(whole) = whole_of(of_one[0]) else { continue };
             let lacking = self.lacking(i, whole);
-            if lacking > 0.0 {
+            if lacking > 0.0 && self.doubt(i, whole) >= DOUBT {
                 let all = exact(self.points.position[i], self.points.normal[i], &hierarchy.corners[whole]);
                 let factor = (all / (all - lacking).max(0.25 * all)) as f32;
                 own.iter_mut().for_each(|weight| *weight *= factor);
@@ -142,6 +146,28 @@ impl<'a> LinkedOperator<'a> {
             return if height(hierarchy.clusters[c].position) > 0.0 { 0.0 } else { q };
         }
         hierarchy.parts(c).map(|part| self.lacking(i, part)).sum()
+    }
+
+    /// Σ q extent² / r² over the far elements of cell `c`, hidden or not: what decides over all pairs of points whether
+    /// a surface is summed up exactly.
+    fn doubt(&self, i: usize, c: usize) -> f32 {
+        let hierarchy = &self.links.hierarchy;
+        let cluster = &hierarchy.clusters[c];
+        let way = cluster.position - self.points.position[i];
+        let (here, there) = (self.points.normal[i].dot(way), -cluster.normal.dot(way));
+        let (r2, extent2) = (way.length_squared(), self.extent2(c));
+        if cluster.len() > 1 && extent2 > SMALL * r2 {
+            return hierarchy.parts(c).map(|part| self.doubt(i, part)).sum();
+        }
+        let ratio = extent2 / cluster.len() as f32 / r2;
+        if ratio > NEAR { 0.0 } else { plain(here.max(0.0), there.max(0.0), r2, cluster.area) * ratio }
+    }
+
+    /// Half the sum of the squares from the middle of cell `c` to its corners, m².
+    fn extent2(&self, c: usize) -> f32 {
+        let hierarchy = &self.links.hierarchy;
+        let middle = hierarchy.clusters[c].position;
+        0.5 * hierarchy.corners[c].iter().map(|v| v.distance_squared(middle)).sum::<f32>()
     }
 
     /// The same of a cluster of several surfaces: by the points that were asked whether they are seen.

@@ -18,7 +18,7 @@ use std::f32::consts::PI;
 
 /// A surface is summed up exactly when its far elements may be wrong by more than about a third of
 /// this projected solid angle, sr.
-const DOUBT: f32 = 1e-5;
+pub(super) const DOUBT: f32 = 1e-5;
 
 /// Corrections to the plain kernel as a sparse matrix, rows are receivers.
 #[derive(Clone, Debug, Default)]
