@@ -47,7 +47,7 @@ pub fn run(args: &Relight) -> Result<()> {
 
     let bars = Bars::new();
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
-    let mut relighter = pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?;
+    let mut first_pass = pipeline::first_pass(&scene.geometry, &prepared, &settings, &bars)?;
     for ((appearance, path), targets) in appearances.into_iter().zip(&args.changes).zip(&targets) {
         say!("{}:", path.display());
         let scene = Scene { appearance, ..scene.clone() };
@@ -63,7 +63,7 @@ pub fn run(args: &Relight) -> Result<()> {
             checkpoint: None,
             started,
         };
-        job.run(targets, &mut relighter, &bars)?;
+        job.run(targets, first_pass.as_mut(), &bars)?;
     }
     Ok(())
 }

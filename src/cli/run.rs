@@ -3,7 +3,7 @@
 use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SolverArg, TracerArg};
 use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
-use luxgraph::first_pass::{DiffuseSolution, Kernel, Relighter, Solver};
+use luxgraph::first_pass::{DiffuseSolution, FirstPass, Kernel, Solver};
 use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
@@ -13,6 +13,7 @@ use luxgraph::second_pass::{self, Checkpoint, Passes, SecondPassStats, SpectralI
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
+use luxgraph::visibility::{LinkSettings, Links};
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -52,6 +53,11 @@ pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
     settings.tracer = tracer_choice(options.tracer);
     if let Some(text) = &options.wavelengths {
         settings.wavelengths = Wavelengths::parse(text)?;
+    }
+    if let Some(tolerance) = options.link_tolerance {
+        let links = LinkSettings { tolerance, ..LinkSettings::default() };
+        links.validate()?;
+        settings.links = Some(links);
     }
     let first = &mut settings.first_pass;
     if let Some(kernel) = options.kernel {
@@ -195,7 +201,16 @@ pub fn prepare<'a>(
     let prepared =
         pipeline::prepare(&scene.geometry, &scene.sampling, settings, tracer.as_ref(), graph, observer)?;
     let stats = &prepared.graph.stats;
-    let how = if prepared.graph_loaded {
+    let how = if let Some(Links { stats, .. }) = &prepared.links {
+        format!(
+            "none, but {} links over {} clusters, {:.2} s with {}, {} rays",
+            stats.links,
+            stats.clusters,
+            stats.build_s,
+            tracer.name(),
+            stats.rays_cast
+        )
+    } else if prepared.graph_loaded {
         "read from its file".to_owned()
     } else {
         format!(
@@ -241,9 +256,14 @@ pub struct Job<'a> {
 
 impl Job<'_> {
     /// First pass, second pass, files; prints what came out in three lines.
-    pub fn run(&self, targets: &Targets, relighter: &mut Relighter, observer: &dyn Observer) -> Result<()> {
+    pub fn run(
+        &self,
+        targets: &Targets,
+        first_pass: &mut dyn FirstPass,
+        observer: &dyn Observer,
+    ) -> Result<()> {
         let (geometry, settings) = (&self.scene.geometry, self.settings);
-        let lit = pipeline::relight(geometry, relighter, &self.scene.appearance, settings, observer)?;
+        let lit = pipeline::relight(geometry, first_pass, &self.scene.appearance, settings, observer)?;
         let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
         if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
             tell!(
@@ -299,6 +319,7 @@ impl Job<'_> {
             counts: counts(self.scene, self.prepared, appearance),
             graph_loaded: self.prepared.graph_loaded,
             graph: self.prepared.graph.stats.clone(),
+            links: self.prepared.links.as_ref().map(|links| links.stats.clone()),
             graph_memory_bytes: self.prepared.graph.memory_bytes(),
             first_pass: solution.stats.clone(),
             second_pass,

@@ -93,7 +93,11 @@ impl<'a> LinkedOperator<'a> {
                 return within_sphere(&piece) as f32;
             }
             let near = cluster.area > NEAR * r2 || cluster.len() > 1;
-            return if near { of_piece(points.position[i], points.normal[i], &piece) as f32 } else { of_plain() };
+            return if near {
+                of_piece(points.position[i], points.normal[i], &piece) as f32
+            } else {
+                of_plain()
+            };
         }
         let corners = &hierarchy.corners[c];
         let extent2 = self.extent2(c);
@@ -110,7 +114,10 @@ impl<'a> LinkedOperator<'a> {
         let hierarchy = &self.links.hierarchy;
         let whole_of = |c: u32| {
             let cluster = &hierarchy.clusters[c as usize];
-            cluster.cell.filter(|(id, ..)| !self.points.rounds.contains_key(id)).map(|_| cluster.whole as usize)
+            cluster
+                .cell
+                .filter(|(id, ..)| !self.points.rounds.contains_key(id))
+                .map(|_| cluster.whole as usize)
         };
         // Links to one surface follow each other.
         let clusters = &self.links.cluster[self.links.starts[i]..self.links.starts[i + 1]];

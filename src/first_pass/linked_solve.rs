@@ -1,7 +1,8 @@
 //! The first pass over links: one scene under one appearance after another.
 
-use super::linked::LinkedOperator;
 use super::lights::share;
+use super::linked::LinkedOperator;
+use super::rooms::{linked_rooms, weights};
 use super::settings::{FirstPassSettings, Solver};
 use super::stats::{self, FirstPassStats, FluxBalance, Range, over_area};
 use super::system::unfinished;
@@ -23,6 +24,8 @@ pub struct LinkedRelighter<'a> {
     links: &'a Links,
     settings: FirstPassSettings,
     diffuse: LinkedOperator<'a>,
+    /// The room of each point.
+    room: Vec<u32>,
     /// Time spent on the form factors and not yet reported, s.
     pending_s: f64,
     runs: usize,
@@ -53,7 +56,9 @@ impl<'a> LinkedRelighter<'a> {
     ) -> Result<Self> {
         settings.validate()?;
         if links.key() != &points.key {
-            return Err(Error::Settings("the links were made for other sample points: make them again".into()));
+            return Err(Error::Settings(
+                "the links were made for other sample points: make them again".into(),
+            ));
         }
         if settings.solver == Solver::Shooting {
             let message = "light cannot be shot over links: use the iterative solver, or no links";
@@ -61,8 +66,18 @@ impl<'a> LinkedRelighter<'a> {
         }
         let clock = Instant::now();
         let diffuse = LinkedOperator::new(points, links, settings.kernel);
+        let room = linked_rooms(links);
         let pending_s = clock.elapsed().as_secs_f64();
-        Ok(LinkedRelighter { geometry, points, links, settings: *settings, diffuse, pending_s, runs: 0 })
+        Ok(LinkedRelighter {
+            geometry,
+            points,
+            links,
+            settings: *settings,
+            diffuse,
+            room,
+            pending_s,
+            runs: 0,
+        })
     }
 
     /// D.
@@ -75,7 +90,11 @@ impl<'a> LinkedRelighter<'a> {
     /// # Errors
     /// [`Error::Settings`] when the appearance does not belong to the scene or is specular; [`Error::Numerical`] when
     /// the tolerance is not reached or the light grows without end.
-    pub fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution> {
+    pub fn light(
+        &mut self,
+        appearance: &SampledAppearance,
+        observer: &dyn Observer,
+    ) -> Result<DiffuseSolution> {
         let (points, settings) = (self.points, &self.settings);
         check_appearance(self.geometry, self.links.knows_lights(self.geometry), appearance)?;
         let specular = points.surface.iter().filter(|&&s| appearance.of(s).is_specular()).count();
@@ -105,7 +124,8 @@ impl<'a> LinkedRelighter<'a> {
 
         let residual = flux(points, &difference, w);
         let share = |(r, e): (&f64, &f64)| if *e > 0.0 { r / e } else { 0.0 };
-        let (closure_error_mean, closure_error_max) = stats::closure_error(self.diffuse.row_sums(), &points.area);
+        let (closure_error_mean, closure_error_max) =
+            stats::closure_error(self.diffuse.row_sums(), &points.area);
         let stats = FirstPassStats {
             points: n as u64,
             form_factors_reused: self.runs > 0,
@@ -168,9 +188,11 @@ impl<'a> LinkedRelighter<'a> {
         let area = over_area(points, |_| 1.0);
         let goals: Vec<f64> =
             light.emitted.iter().map(|f| settings.tolerance * f / (PI * area.sqrt())).collect();
-        let reflects: Vec<bool> = (0..n).map(|i| (0..w).any(|k| light.reflectance[k * n + i] > 0.0)).collect();
+        let reflects: Vec<bool> =
+            (0..n).map(|i| (0..w).any(|k| light.reflectance[k * n + i] > 0.0)).collect();
+        let weights = weights(points, &self.room, &sources);
         let mut sweeps = 0.0;
-        let outcome = gmres::solve(&sources, &points.area, &goals, settings.max_sweeps as usize, |v, excess| {
+        let outcome = gmres::solve(&sources, &weights, &goals, settings.max_sweeps as usize, |v, excess| {
             sweeps += 1.0;
             progress(excess);
             let irradiance = self.diffuse.irradiance(v, |i| reflects[i]);
@@ -191,7 +213,8 @@ impl<'a> LinkedRelighter<'a> {
         for (k, &emitted) in light.emitted.iter().enumerate() {
             let at = |plane: &[f32], i: usize| plane.get(k * n + i).map_or(0.0, |&x| f64::from(x));
             let absorbed = over_area(points, |i| at(irradiance, i) * (1.0 - at(&light.reflectance, i)));
-            let escaped = PI * over_area(points, |i| at(radiance, i) * (1.0 - f64::from(self.diffuse.row_sums()[i])))
+            let escaped = PI
+                * over_area(points, |i| at(radiance, i) * (1.0 - f64::from(self.diffuse.row_sums()[i])))
                 + light.of_lights[k]
                 - over_area(points, |i| at(&light.lights, i));
             balance.emitted.push(emitted);

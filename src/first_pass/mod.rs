@@ -74,6 +74,28 @@ impl DiffuseSolution {
     }
 }
 
+/// A scene that can be lit under one appearance after another.
+pub trait FirstPass {
+    /// Solves for the global diffuse radiance under `appearance`. No ray is cast.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when the appearance does not belong to the scene; [`Error::Numerical`] when the
+    /// tolerance is not reached or the light grows without end.
+    fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution>;
+}
+
+impl FirstPass for Relighter<'_> {
+    fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution> {
+        Relighter::light(self, appearance, observer)
+    }
+}
+
+impl FirstPass for LinkedRelighter<'_> {
+    fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution> {
+        LinkedRelighter::light(self, appearance, observer)
+    }
+}
+
 /// Solves for the global diffuse radiance of all sample points. No ray is cast, so a new appearance
 /// under the same graph costs this call and nothing else; a [`Relighter`] makes it cheaper still.
 ///
@@ -105,11 +127,7 @@ fn descent(observer: &dyn Observer) -> impl FnMut(f64) + '_ {
 }
 
 /// Whether an appearance belongs to a scene, of which it must be known what the point lights reach, and holds nothing that is not a number.
-fn check_appearance(
-    geometry: &Geometry,
-    knows_lights: bool,
-    appearance: &SampledAppearance,
-) -> Result<()> {
+fn check_appearance(geometry: &Geometry, knows_lights: bool, appearance: &SampledAppearance) -> Result<()> {
     let refuse = |message: &str| Err(Error::Settings(message.into()));
     if appearance.surface_material.len() != geometry.surfaces.len() {
         return refuse("the appearance does not name a material for every surface of the geometry");

@@ -257,8 +257,7 @@ impl Receivers<'_> {
             }
         }
         if let Some(piece) = points.round(i)
-            && matches!(piece.round, Round::Sphere(_))
-            && !piece.round.looks_out(piece.side)
+            && piece.faces_itself()
         {
             // An element of the inside of a sphere sees itself.
             row.entries.push((i as u32, within_sphere(&piece) as f32));

@@ -76,7 +76,8 @@ impl Hierarchy {
             u64::from(cell.path) << (2 * (Cell::MAX_LEVEL - cell.level))
         };
         sorted.sort_unstable_by_key(|&i| (side(i), place(i)));
-        let mut items: Vec<Item> = sorted.chunk_by(|&a, &b| side(a) == side(b)).map(|of| item(points, of)).collect();
+        let mut items: Vec<Item> =
+            sorted.chunk_by(|&a, &b| side(a) == side(b)).map(|of| item(points, of)).collect();
         let mut hierarchy = Hierarchy::default();
         if !items.is_empty() {
             hierarchy.group(geometry, points, &mut items);
@@ -196,7 +197,9 @@ impl Hierarchy {
         let skip = self.clusters.len();
         let (low, high) = self.clusters[own + 1..skip]
             .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), part| (low.min(part.low), high.max(part.high)));
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), part| {
+                (low.min(part.low), high.max(part.high))
+            });
         self.clusters[own] = Cluster {
             first: range.start as u32,
             end: range.end as u32,

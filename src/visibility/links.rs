@@ -30,7 +30,7 @@ pub struct LinkSettings {
 
 impl Default for LinkSettings {
     fn default() -> Self {
-        LinkSettings { tolerance: 3e-3, partial: 0.25, segments: 4 }
+        LinkSettings { tolerance: 0.01, partial: 0.25, segments: 8 }
     }
 }
 
@@ -38,10 +38,11 @@ impl LinkSettings {
     /// Refuses what no run can use.
     pub fn validate(&self) -> Result<()> {
         if !(self.tolerance >= 1e-7 && self.tolerance <= 1.0) {
-            let message = format!("the tolerance of links is {}: give a form factor from 1e-7 to 1", self.tolerance);
+            let message =
+                format!("the tolerance of links is {}: give a form factor from 1e-7 to 1", self.tolerance);
             return Err(Error::Settings(message));
         }
-        if !(self.partial > 0.0 && self.partial <= 1.0) || !(1..=64).contains(&self.segments) {
+        if !(self.partial > 0.0 && self.partial <= 1.0 && (1..=64).contains(&self.segments)) {
             let message = "links need a share of the tolerance from 0 to 1 and 1 to 64 segments";
             return Err(Error::Settings(message.into()));
         }
@@ -119,8 +120,12 @@ impl Links {
         let graph_settings = GraphSettings::default();
         let hierarchy = Hierarchy::new(geometry, points);
         let build = Build::new(geometry, points, tracer, &graph_settings);
-        let search =
-            Search { build: &build, hierarchy: &hierarchy, settings, tolerance: geometry.plane_tolerance() as f32 };
+        let mut leaf_of = vec![0; points.len()];
+        for c in (0..hierarchy.clusters.len()).filter(|&c| hierarchy.clusters[c].len() == 1) {
+            leaf_of[hierarchy.points(c)[0] as usize] = c as u32;
+        }
+        let tolerance = geometry.plane_tolerance() as f32;
+        let search = Search { build: &build, hierarchy: &hierarchy, settings, tolerance, leaf_of };
         let n = points.len();
         let mut links = Links {
             starts: vec![0],
@@ -146,7 +151,8 @@ impl Links {
                 let more = rows.links.len();
                 if links.cluster.try_reserve(more).is_err() || links.share.try_reserve(more).is_err() {
                     observer.end();
-                    let message = "not enough memory for the links: raise their tolerance, or sample more coarsely";
+                    let message =
+                        "not enough memory for the links: raise their tolerance, or sample more coarsely";
                     return Err(Error::Settings(message.into()));
                 }
                 links.starts.extend(rows.ends.iter().map(|end| before + end));
@@ -200,6 +206,8 @@ struct Search<'a> {
     hierarchy: &'a Hierarchy,
     settings: &'a LinkSettings,
     tolerance: f32,
+    /// The cluster that is each point alone.
+    leaf_of: Vec<u32>,
 }
 
 /// A cluster that may act as one, while segments to it are traced.
@@ -228,6 +236,10 @@ impl Search<'_> {
             if !self.build.under[i] {
                 let first = rows.links.len();
                 self.row(i, &mut scratch, &mut rows);
+                // An element of the inside of a sphere sees itself.
+                if self.build.points.round(i).is_some_and(|piece| piece.faces_itself()) {
+                    rows.links.push((self.leaf_of[i], 1.0));
+                }
                 rows.links[first..].sort_unstable_by_key(|l| l.0);
             }
             rows.ends.push(rows.links.len());

@@ -33,12 +33,6 @@ pub fn run(args: &BenchHall) -> Result<()> {
     };
     let mut links = LinkSettings::default();
     links.tolerance = args.link_tolerance.unwrap_or(links.tolerance);
-    if let Ok(v) = std::env::var("LX_PARTIAL") {
-        links.partial = v.parse().unwrap();
-    }
-    if let Ok(v) = std::env::var("LX_SEG") {
-        links.segments = v.parse().unwrap();
-    }
     let growth = linked_growth(&scene, &settings, &links, &args.points, args.full, &Bars::new())?;
     print(&growth);
     let machine = Machine::this();
@@ -89,6 +83,10 @@ fn print(growth: &LinkedGrowth) {
         }
     }
     if growth.sizes.len() > 1 {
-        say!("links, set-up and solution: N^{:.2}; processors N^{:.2}", growth.exponent, growth.exponent_of_cpu);
+        say!(
+            "links, set-up and solution: N^{:.2}; processors N^{:.2}",
+            growth.exponent,
+            growth.exponent_of_cpu
+        );
     }
 }
