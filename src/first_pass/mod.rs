@@ -2,7 +2,8 @@
 //!
 //! Diffuse light goes from point to point by form factors ([`form_factor`], [`diffuse`]); specular
 //! points pass radiance on in chains ([`specular`], [`chain`]); both together are the extended form
-//! factors of equation (7), which [`system`] solves without ever storing them.
+//! factors of equation (7), which [`system`] solves without ever storing them. Where a scene has links in place of a
+//! graph, diffuse light goes from clusters to points ([`linked`]).
 
 mod balance;
 mod bounce;
