@@ -18,7 +18,7 @@ use luxgraph::report::bench::hall::hall;
 use luxgraph::report::bench::linked::{Difference, difference};
 use luxgraph::scene::{Distribution, Geometry, MaterialId, ObjectId, PointLight, SampledAppearance};
 use luxgraph::settings::Settings;
-use luxgraph::tracers::{VoxelTracer, brute_force::BruteForce};
+use luxgraph::tracers::{TracerChoice, brute_force::BruteForce, choose};
 use luxgraph::visibility::{LinkSettings, Links, VisibilityGraph};
 use std::path::Path;
 
@@ -35,8 +35,8 @@ struct Lit {
 
 impl Lit {
     fn links(&self, settings: &LinkSettings) -> Links {
-        let tracer = VoxelTracer::new(&self.geometry);
-        Links::build(&self.geometry, &self.points, &tracer, settings, &Silent).unwrap()
+        let tracer = choose(TracerChoice::Auto, &self.geometry).unwrap();
+        Links::build(&self.geometry, &self.points, tracer.as_ref(), settings, &Silent).unwrap()
     }
 
     fn over(&self, links: &Links, settings: &FirstPassSettings) -> DiffuseSolution {
@@ -45,8 +45,8 @@ impl Lit {
     }
 
     fn graph(&self) -> VisibilityGraph {
-        let tracer = VoxelTracer::new(&self.geometry);
-        VisibilityGraph::build(&self.geometry, &self.points, &tracer, &Silent).unwrap()
+        let tracer = choose(TracerChoice::Auto, &self.geometry).unwrap();
+        VisibilityGraph::build(&self.geometry, &self.points, tracer.as_ref(), &Silent).unwrap()
     }
 
     /// How far light over links is from light between all pairs, for each tolerance.
@@ -97,12 +97,13 @@ fn furnished(max_area: f64) -> Lit {
 #[test]
 fn a_closed_cube_glows_with_e_over_one_minus_rho() {
     let tight = FirstPassSettings { tolerance: 1e-5, ..Default::default() };
+    let TestScene { geometry, points, appearance, .. } =
+        TestScene::new(&cube([0; 6]), vec![diffuse(0.0, 1.0)], 1.0 / 256.0);
+    let mut lit = Lit { geometry, points, appearance };
+    let links = lit.links(&of(0.02));
+    assert!(links.stats.links < 300 * lit.points.len() as u64, "clusters act as one: {:?}", links.stats);
     for rho in [0.5_f32, 0.95, 0.99] {
-        let TestScene { geometry, points, appearance, .. } =
-            TestScene::new(&cube([0; 6]), vec![diffuse(rho, 1.0)], 1.0 / 1024.0);
-        let lit = Lit { geometry, points, appearance };
-        let links = lit.links(&of(0.02));
-        assert!(links.stats.links < 6144 * 300, "clusters act as one: {:?}", links.stats);
+        lit.appearance.materials = vec![diffuse(rho, 1.0)];
         let solution = lit.over(&links, &tight);
         let expected = 1.0 / (1.0 - rho);
         for &l in &solution.radiance {
@@ -139,7 +140,7 @@ fn the_inside_of_a_sphere_glows_as_a_furnace() {
 
 #[test]
 fn a_hall_is_lit_as_over_all_pairs_and_the_error_falls_with_the_tolerance() {
-    let errors = small_hall(0.09).errors(&[0.1, 0.01, 0.001]);
+    let errors = small_hall(0.15).errors(&[0.1, 0.01, 0.001]);
     assert!(errors[1].irradiance < 0.01 && errors[1].bias.abs() < 0.01, "{:?}", errors[1]);
     assert!(errors[1].irradiance < 0.7 * errors[0].irradiance, "{errors:?}");
     assert!(errors[2].irradiance < 0.7 * errors[1].irradiance, "{errors:?}");
@@ -147,7 +148,7 @@ fn a_hall_is_lit_as_over_all_pairs_and_the_error_falls_with_the_tolerance() {
 
 #[test]
 fn a_furnished_room_is_lit_as_over_all_pairs() {
-    let errors = furnished(0.03).errors(&[0.03, 0.005]);
+    let errors = furnished(0.05).errors(&[0.03, 0.005]);
     assert!(errors[1].irradiance < 0.01, "{:?}", errors[1]);
     assert!(errors[1].irradiance < errors[0].irradiance, "{errors:?}");
 }
@@ -232,11 +233,11 @@ fn a_dim_room_beside_a_bright_one_is_held_to_its_own_light() {
 fn the_pipeline_takes_links_where_the_settings_ask_for_them() {
     let scene = luxgraph::scene::load(Path::new("scenes/cornell_box.toml")).unwrap();
     let geometry = &scene.geometry;
-    let tracer = VoxelTracer::new(geometry);
+    let tracer = choose(TracerChoice::Auto, geometry).unwrap();
+    let tracer = tracer.as_ref();
     let mut settings = Settings::default();
     let lit = |settings: &Settings| {
-        let prepared =
-            pipeline::prepare(geometry, &scene.sampling, settings, &tracer, None, &Silent).unwrap();
+        let prepared = pipeline::prepare(geometry, &scene.sampling, settings, tracer, None, &Silent).unwrap();
         let (appearance, solution) =
             pipeline::light(geometry, &prepared, &scene.appearance, settings, &Silent).unwrap();
         (prepared, appearance, solution)
@@ -251,7 +252,7 @@ fn the_pipeline_takes_links_where_the_settings_ask_for_them() {
         geometry,
         &scene.sampling,
         &settings,
-        &tracer,
+        tracer,
         Some(Path::new("links.graph")),
         &Silent,
     );

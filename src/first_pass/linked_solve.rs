@@ -100,7 +100,8 @@ impl<'a> LinkedRelighter<'a> {
         let specular = points.surface.iter().filter(|&&s| appearance.of(s).is_specular()).count();
         if specular > 0 {
             return Err(Error::Settings(format!(
-                "links carry diffuse light only, but {specular} sample points are specular: compute without links"
+                "links carry diffuse light only, but {specular} sample points are specular: compute without links, \
+                 over all pairs of points"
             )));
         }
         let clock = Instant::now();

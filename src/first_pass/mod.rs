@@ -201,7 +201,7 @@ fn refuse_endless(
     flux: impl Fn(&[f32]) -> Vec<f64>,
     settings: &FirstPassSettings,
 ) -> Result<()> {
-    let n = (radiance.len() / emitted.len().max(1)).max(1);
+    let n = radiance.len() / emitted.len().max(1);
     let negative: Vec<f32> = radiance.iter().map(|l| l.min(0.0)).collect();
     let whole = flux(radiance);
     for (k, negative) in flux(&negative).into_iter().enumerate() {

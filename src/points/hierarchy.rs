@@ -134,8 +134,11 @@ impl Hierarchy {
         let own = self.open();
         let first = of[0] as usize;
         let (id, side) = (points.surface[first], points.side[first]);
-        if of.len() == 1 || cell.level == Cell::MAX_LEVEL {
+        if of.len() == 1 {
             self.order.extend(of);
+        } else if cell.level == Cell::MAX_LEVEL {
+            // More than one point in the smallest cell: the same element given twice.
+            of.chunks(1).for_each(|one| self.cell(geometry, points, one, cell));
         } else {
             let child = |i: &u32| {
                 let at = points.cell[*i as usize];
