@@ -1,7 +1,7 @@
 //! The stages in order, and nothing else: each borrows what it needs and returns one product.
 
-use crate::error::Result;
-use crate::first_pass::{DiffuseSolution, Relighter};
+use crate::error::{Error, Result};
+use crate::first_pass::{DiffuseSolution, FirstPass, LinkedRelighter, Relighter};
 use crate::measure::{self, MeasureSettings, Reading};
 use crate::observer::Observer;
 use crate::points::{self, Element, SamplePoints, Sampling};
@@ -9,7 +9,7 @@ use crate::scene::{Appearance, Camera, Geometry, SampledAppearance, Sensor};
 use crate::second_pass::{self, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage};
 use crate::settings::Settings;
 use crate::tracers::RayTracer;
-use crate::visibility::{VisibilityGraph, file};
+use crate::visibility::{LinkSettings, Links, VisibilityGraph, file};
 use crate::voxels::Voxels;
 use std::path::Path;
 
@@ -19,8 +19,10 @@ pub struct Prepared {
     pub voxels: Voxels,
     /// The sample points.
     pub points: SamplePoints,
-    /// What they see of each other.
+    /// What they see of each other; of no points where there are links.
     pub graph: VisibilityGraph,
+    /// What they see of clusters of points, if [`Settings::links`] asks for that.
+    pub links: Option<Links>,
     /// How a view reads radiance between them.
     pub interpolator: Interpolator,
     /// Whether the graph was read from a file instead of being built.
@@ -34,8 +36,10 @@ const REFINEMENT_ROUNDS: usize = 4;
 /// other are too close (4.2.2). With `graph_file` the graph is read from there, and the points with
 /// it, if the file exists, and written there if not.
 ///
+/// With [`Settings::links`] there are links in place of the graph.
+///
 /// # Errors
-/// Those of [`points::sample`], [`VisibilityGraph::build`], [`file::load`] and [`file::save`].
+/// Those of [`points::sample`], [`Links::build`], [`VisibilityGraph::build`], [`file::load`] and [`file::save`].
 pub fn prepare(
     geometry: &Geometry,
     sampling: &Sampling,
@@ -47,12 +51,15 @@ pub fn prepare(
     let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
     let voxels = Voxels::build(geometry, &settings.voxels);
     let points = points::sample(geometry, &sampling, &voxels)?;
+    if let Some(links) = &settings.links {
+        return link(geometry, (&sampling, links), (voxels, points), tracer, graph_file, observer);
+    }
     let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
         let (points, mut graph) = file::load(path, &request, geometry, |e| resample(geometry, &voxels, e))?;
         graph.look_at_lights(geometry, &points, tracer);
         let interpolator = Interpolator::new(geometry, &points, tracer);
-        return Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: true });
+        return Ok(Prepared { voxels, points, graph, links: None, interpolator, graph_loaded: true });
     }
     let build = |points: &SamplePoints| VisibilityGraph::build(geometry, points, tracer, observer);
     let (points, graph) = refined(geometry, &sampling, &voxels, points, build)?;
@@ -60,11 +67,11 @@ pub fn prepare(
         file::save(path, &request, &points, &graph)?;
     }
     let interpolator = Interpolator::new(geometry, &points, tracer);
-    Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
+    Ok(Prepared { voxels, points, graph, links: None, interpolator, graph_loaded: false })
 }
 
 /// What [`prepare`] makes of `geometry`, to the bit, where `before` was prepared of another geometry: what both see alike is
-/// taken from its graph. It takes the less time the fewer surfaces have moved, come or gone.
+/// taken from its graph. It takes the less time the fewer surfaces have moved, come or gone. Links are built anew.
 ///
 /// # Errors
 /// Those of [`points::sample`] and [`VisibilityGraph::update`].
@@ -76,6 +83,9 @@ pub fn prepare_changed(
     tracer: &dyn RayTracer,
     observer: &dyn Observer,
 ) -> Result<Prepared> {
+    if prepared.links.is_some() {
+        return prepare(geometry, sampling, settings, tracer, None, observer);
+    }
     let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
     let voxels = Voxels::build(geometry, &settings.voxels);
     let points = points::sample(geometry, &sampling, &voxels)?;
@@ -83,7 +93,7 @@ pub fn prepare_changed(
     let update = |points: &SamplePoints| prepared.graph.update(was, (geometry, points), tracer, observer);
     let (points, graph) = refined(geometry, &sampling, &voxels, points, update)?;
     let interpolator = Interpolator::new(geometry, &points, tracer);
-    Ok(Prepared { voxels, points, graph, interpolator, graph_loaded: false })
+    Ok(Prepared { voxels, points, graph, links: None, interpolator, graph_loaded: false })
 }
 
 /// The graph of `points`, and both after the rounds of refinement that it asks for; `build` makes the graph of points.
@@ -109,7 +119,48 @@ fn resample(geometry: &Geometry, voxels: &Voxels, elements: &[Element]) -> Sampl
     SamplePoints::new(geometry, elements, voxels.len(), |p| voxels.locate(p))
 }
 
-/// What the first pass of a scene keeps between one appearance and the next.
+/// The same with links in place of the graph.
+fn link(
+    geometry: &Geometry,
+    (sampling, settings): (&Sampling, &LinkSettings),
+    (voxels, points): (Voxels, SamplePoints),
+    tracer: &dyn RayTracer,
+    graph_file: Option<&Path>,
+    observer: &dyn Observer,
+) -> Result<Prepared> {
+    let refuse = |what: &str| Err(Error::Settings(format!("{what}: leave it out, or compute without links")));
+    if graph_file.is_some() {
+        return refuse("links cannot be kept in a graph file");
+    }
+    if sampling.refine_solid_angle.is_some() {
+        return refuse("the scene's `refine_solid_angle` needs the visibility of all pairs of points");
+    }
+    let links = Links::build(geometry, &points, tracer, settings, observer)?;
+    let interpolator = Interpolator::new(geometry, &points, tracer);
+    let graph = VisibilityGraph::default();
+    Ok(Prepared { voxels, points, graph, links: Some(links), interpolator, graph_loaded: false })
+}
+
+/// What computes the diffuse light of a scene under one appearance after another: over its links if it has any, over
+/// all pairs of points otherwise.
+///
+/// # Errors
+/// Those of [`LinkedRelighter::new`] and [`Relighter::new`].
+pub fn first_pass<'a>(
+    geometry: &'a Geometry,
+    prepared: &'a Prepared,
+    settings: &Settings,
+    observer: &dyn Observer,
+) -> Result<Box<dyn FirstPass + 'a>> {
+    Ok(match &prepared.links {
+        Some(links) => {
+            Box::new(LinkedRelighter::new(geometry, &prepared.points, links, &settings.first_pass)?)
+        }
+        None => Box::new(relighter(geometry, prepared, settings, observer)?),
+    })
+}
+
+/// What the first pass of a scene over all pairs of points keeps between one appearance and the next.
 ///
 /// # Errors
 /// Those of [`Relighter::new`].
@@ -125,7 +176,7 @@ pub fn relighter<'a>(
 /// Graph and appearance -> global diffuse radiance. Casts no ray: it is given no tracer.
 ///
 /// # Errors
-/// Those of [`relighter`] and [`relight`].
+/// Those of [`first_pass`] and [`relight`].
 pub fn light(
     geometry: &Geometry,
     prepared: &Prepared,
@@ -133,22 +184,23 @@ pub fn light(
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<(SampledAppearance, DiffuseSolution)> {
-    relight(geometry, &mut relighter(geometry, prepared, settings, observer)?, appearance, settings, observer)
+    let mut first_pass = first_pass(geometry, prepared, settings, observer)?;
+    relight(geometry, first_pass.as_mut(), appearance, settings, observer)
 }
 
-/// The same, with what `relighter` kept of other appearances: the same bits in less time.
+/// The same, with what `first_pass` kept of other appearances: the same bits in less time.
 ///
 /// # Errors
-/// Those of [`Relighter::light`].
+/// Those of [`FirstPass::light`].
 pub fn relight(
     geometry: &Geometry,
-    relighter: &mut Relighter,
+    first_pass: &mut dyn FirstPass,
     appearance: &Appearance,
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<(SampledAppearance, DiffuseSolution)> {
     let appearance = appearance.sample(geometry, &settings.wavelengths, settings.fresnel_entries);
-    let solution = relighter.light(&appearance, observer)?;
+    let solution = first_pass.light(&appearance, observer)?;
     Ok((appearance, solution))
 }
 

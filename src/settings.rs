@@ -6,6 +6,7 @@ use crate::measure::MeasureSettings;
 use crate::second_pass::SecondPassSettings;
 use crate::spectrum::Wavelengths;
 use crate::tracers::TracerChoice;
+use crate::visibility::LinkSettings;
 use crate::voxels::VoxelSettings;
 
 /// Everything a run may be asked to do differently. Sampling of the surfaces is the scene's own
@@ -22,6 +23,8 @@ pub struct Settings {
     pub wavelengths: Wavelengths,
     /// Entries of the Fresnel tables.
     pub fresnel_entries: usize,
+    /// Exchange diffuse light over links between points and clusters of points; `None`: between all pairs of points.
+    pub links: Option<LinkSettings>,
     /// First pass.
     pub first_pass: FirstPassSettings,
     /// Second pass.
@@ -52,6 +55,7 @@ impl Settings {
             voxels: VoxelSettings::default(),
             wavelengths: Wavelengths::standard(),
             fresnel_entries: DEFAULT_ENTRIES,
+            links: None,
             first_pass: FirstPassSettings::default(),
             second_pass: SecondPassSettings::default(),
             measure: MeasureSettings::default(),

@@ -193,6 +193,10 @@ pub struct Lighting {
     /// Stop the solution when this share of the emitted flux is not yet absorbed [default: 0.0001]
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
+    /// Exchange light between points and clusters of points with a form factor of this at most, 0.01 for instance, in
+    /// place of all pairs: for many points, without specular materials [default: all pairs]
+    #[arg(long, value_name = "FORM_FACTOR", conflicts_with = "graph")]
+    pub link_tolerance: Option<f64>,
     /// Longest specular chain (the paper's lgmax) [default: as long as the tolerance asks]
     #[arg(long, value_name = "N")]
     pub lg_max: Option<u32>,
@@ -354,6 +358,15 @@ pub struct BenchHall {
     /// Numbers of sample points, about
     #[arg(value_name = "POINTS", default_values_t = [4_000, 16_000, 64_000, 128_000])]
     pub points: Vec<usize>,
+    /// Exchange light over links between points and clusters of points, and see how that grows
+    #[arg(long)]
+    pub links: bool,
+    /// Largest form factor of a link to a cluster of points [default: 0.01]
+    #[arg(long, value_name = "FORM_FACTOR", requires = "links")]
+    pub link_tolerance: Option<f64>,
+    /// With --links: also solve over all pairs up to this number of points, and tell the difference
+    #[arg(long, value_name = "POINTS", requires = "links", default_value_t = 20_000)]
+    pub full: usize,
     /// Rows of desks
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=200))]
     pub rows: u16,

@@ -10,7 +10,7 @@ use luxgraph::measure::{Illuminance, Reading, Row, write_csv};
 use luxgraph::report::{Counts, Machine, peak_memory_bytes, write_json};
 use luxgraph::scene::{MaterialId, Scene, Sensor};
 use luxgraph::spectrum::Wavelengths;
-use luxgraph::visibility::GraphStats;
+use luxgraph::visibility::{GraphStats, LinkStats};
 use luxgraph::{pipeline, scene};
 use serde::Serialize;
 use std::time::Instant;
@@ -26,6 +26,8 @@ struct Report {
     counts: Counts,
     graph_loaded: bool,
     graph: GraphStats,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    links: Option<LinkStats>,
     first_pass: FirstPassStats,
     sensors: Vec<SensorReport>,
     grids: Vec<GridReport>,
@@ -136,6 +138,7 @@ pub fn run(args: &Measure) -> Result<()> {
             counts: counts(&scene, &prepared, appearance),
             graph_loaded: prepared.graph_loaded,
             graph: prepared.graph.stats.clone(),
+            links: prepared.links.as_ref().map(|links| links.stats.clone()),
             first_pass: solution.stats.clone(),
             sensors: reports,
             grids,

@@ -35,6 +35,7 @@ pub fn run(cli: Cli) -> Result<()> {
             Some(BenchWhat::Paper { scene, tracer, threads, report }) => {
                 with_threads(*threads, || bench::paper(scene, *tracer, report.as_deref()))
             }
+            Some(BenchWhat::Hall(args)) if args.links => with_threads(args.threads, || bench::linked(args)),
             Some(BenchWhat::Hall(args)) => with_threads(args.threads, || bench::growth(args)),
         },
     }

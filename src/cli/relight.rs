@@ -65,17 +65,17 @@ pub fn run(args: &Relight) -> Result<()> {
         };
         if !rearranged {
             if kept.is_none() {
-                kept = Some(pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?);
+                kept = Some(pipeline::first_pass(&scene.geometry, &prepared, &settings, &bars)?);
             }
-            if let Some(relighter) = &mut kept {
-                job.run(targets, relighter, &bars)?;
+            if let Some(first_pass) = &mut kept {
+                job.run(targets, first_pass.as_mut(), &bars)?;
             }
         } else {
             let before = (&scene.geometry, &prepared);
             let (tracer, prepared) = prepare_changed(before, changed, &settings, &bars)?;
-            let mut relighter = pipeline::relighter(&changed.geometry, &prepared, &settings, &bars)?;
+            let mut first_pass = pipeline::first_pass(&changed.geometry, &prepared, &settings, &bars)?;
             let job = Job { prepared: &prepared, tracer: tracer.as_ref(), ..job };
-            job.run(targets, &mut relighter, &bars)?;
+            job.run(targets, first_pass.as_mut(), &bars)?;
         }
     }
     Ok(())

@@ -41,6 +41,6 @@ pub fn run(args: &Render) -> Result<()> {
         checkpoint: Some(Checkpoint::beside(&targets.exr, args.resume)),
         started,
     };
-    let mut relighter = pipeline::relighter(&scene.geometry, &prepared, &settings, &bars)?;
-    job.run(&targets, &mut relighter, &bars)
+    let mut first_pass = pipeline::first_pass(&scene.geometry, &prepared, &settings, &bars)?;
+    job.run(&targets, first_pass.as_mut(), &bars)
 }

@@ -3,7 +3,7 @@
 use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SecondPassArg, SolverArg, TracerArg};
 use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
-use luxgraph::first_pass::{DiffuseSolution, Kernel, Relighter, Solver};
+use luxgraph::first_pass::{DiffuseSolution, FirstPass, Kernel, Solver};
 use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
@@ -13,6 +13,7 @@ use luxgraph::second_pass::{self, Checkpoint, Passes, Rung, SecondPassStats, Spe
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
+use luxgraph::visibility::{LinkSettings, Links};
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -58,6 +59,11 @@ pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
     settings.tracer = tracer_choice(options.tracer);
     if let Some(text) = &options.wavelengths {
         settings.wavelengths = Wavelengths::parse(text)?;
+    }
+    if let Some(tolerance) = options.link_tolerance {
+        let links = LinkSettings { tolerance, ..LinkSettings::default() };
+        links.validate()?;
+        settings.links = Some(links);
     }
     let first = &mut settings.first_pass;
     if let Some(kernel) = options.kernel {
@@ -225,7 +231,12 @@ pub fn prepare_changed<'a>(
 fn say_prepared(scene: &Scene, prepared: &Prepared, tracer: &dyn RayTracer) {
     let stats = &prepared.graph.stats;
     let (time, name, rays) = (stats.build_s, tracer.name(), stats.rays_cast);
-    let how = if prepared.graph_loaded {
+    let how = if let Some(Links { stats, .. }) = &prepared.links {
+        format!(
+            "none, but {} links over {} clusters, {:.2} s with {name}, {} rays",
+            stats.links, stats.clusters, stats.build_s, stats.rays_cast
+        )
+    } else if prepared.graph_loaded {
         "read from its file".to_owned()
     } else if stats.copied > 0 {
         let share = 100.0 * stats.copied as f64 / stats.pairs.max(1) as f64;
@@ -267,9 +278,14 @@ pub struct Job<'a> {
 
 impl Job<'_> {
     /// First pass, second pass, files; prints what came out in three lines.
-    pub fn run(&self, targets: &Targets, relighter: &mut Relighter, observer: &dyn Observer) -> Result<()> {
+    pub fn run(
+        &self,
+        targets: &Targets,
+        first_pass: &mut dyn FirstPass,
+        observer: &dyn Observer,
+    ) -> Result<()> {
         let (geometry, settings) = (&self.scene.geometry, self.settings);
-        let lit = pipeline::relight(geometry, relighter, &self.scene.appearance, settings, observer)?;
+        let lit = pipeline::relight(geometry, first_pass, &self.scene.appearance, settings, observer)?;
         let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
         if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
             tell!(
@@ -325,6 +341,7 @@ impl Job<'_> {
             counts: counts(self.scene, self.prepared, appearance),
             graph_loaded: self.prepared.graph_loaded,
             graph: self.prepared.graph.stats.clone(),
+            links: self.prepared.links.as_ref().map(|links| links.stats.clone()),
             graph_memory_bytes: self.prepared.graph.memory_bytes(),
             first_pass: solution.stats.clone(),
             second_pass,

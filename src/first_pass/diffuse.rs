@@ -245,7 +245,7 @@ impl<'a> DiffuseOperator<'a> {
 }
 
 /// A power of two near the largest of some values, so that no product with them is lost to `f32`.
-fn unit_of(values: &[f32]) -> f32 {
+pub(super) fn unit_of(values: &[f32]) -> f32 {
     let largest = values.iter().fold(0.0f32, |most, v| most.max(v.abs()));
     if largest > 0.0 && largest.is_finite() {
         2.0f32.powi((largest.log2().round() as i32).clamp(-126, 126))
@@ -255,7 +255,7 @@ fn unit_of(values: &[f32]) -> f32 {
 }
 
 /// `[W][N]` over the unit of each wavelength as `[N][bands]`.
-fn interleave(radiance: &[f32], unit: &[f32], n: usize) -> Vec<[f32; BAND]> {
+pub(super) fn interleave(radiance: &[f32], unit: &[f32], n: usize) -> Vec<[f32; BAND]> {
     let bands = unit.len().div_ceil(BAND);
     let mut by_point = vec![[0.0; BAND]; n * bands];
     for (k, (plane, unit)) in radiance.chunks(n).zip(unit).enumerate() {

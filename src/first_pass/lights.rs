@@ -60,11 +60,7 @@ impl PointLighting {
                 *flux += light.distribution.solid_angle() * f64::from(*i);
             }
             for i in (0..n).filter(|&i| graph.lit(l, i)) {
-                let into = match points.round(i) {
-                    Some(piece) => into_piece(light, &piece),
-                    None => into(light, &points.corners[i]),
-                };
-                let share = (into / f64::from(points.area[i])) as f32;
+                let share = share(light, points, i);
                 for (k, intensity) in intensity.iter().enumerate() {
                     lighting.irradiance[k * n + i] += share * intensity;
                 }
@@ -168,6 +164,15 @@ fn scale(from: &mut Directions, to: &Directions, albedo: impl Fn(f32) -> f32) {
         let scale = albedo(a.to[2]) / sum;
         from.scale[l / LANES][l % LANES] = if scale.is_finite() { scale } else { 0.0 };
     }
+}
+
+/// Irradiance of point `i`, the mean over its element, over the largest intensity of a light that reaches it, sr m⁻².
+pub(super) fn share(light: &PointLight, points: &SamplePoints, i: usize) -> f32 {
+    let into = match points.round(i) {
+        Some(piece) => into_piece(light, &piece),
+        None => into(light, &points.corners[i]),
+    };
+    (into / f64::from(points.area[i])) as f32
 }
 
 /// Flux into an element over the largest intensity, sr: exact, so that the elements around a light

@@ -2,7 +2,8 @@
 //!
 //! Diffuse light goes from point to point by form factors ([`form_factor`], [`diffuse`]); specular
 //! points pass radiance on in chains ([`specular`], [`chain`]); both together are the extended form
-//! factors of equation (7), which [`system`] solves without ever storing them.
+//! factors of equation (7), which [`system`] solves without ever storing them. Where a scene has links in place of a
+//! graph, diffuse light goes from clusters to points ([`linked`]).
 
 mod balance;
 mod bounce;
@@ -17,6 +18,8 @@ pub mod ideal;
 mod known;
 mod layout;
 pub mod lights;
+pub mod linked;
+mod linked_solve;
 pub mod lobe;
 pub mod lobe_table;
 pub mod member;
@@ -37,6 +40,7 @@ mod stats;
 pub mod system;
 pub mod visibility_calls;
 
+pub use linked_solve::LinkedRelighter;
 pub use relighter::Relighter;
 pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};
 pub use stats::{FirstPassStats, FluxBalance, Range};
@@ -48,7 +52,6 @@ use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use crate::spectrum::Wavelengths;
 use crate::visibility::VisibilityGraph;
-use system::System;
 
 /// Steps of the solution as progress is told.
 const STEPS: u64 = 100;
@@ -85,6 +88,28 @@ impl DiffuseSolution {
     }
 }
 
+/// A scene that can be lit under one appearance after another.
+pub trait FirstPass {
+    /// Solves for the global diffuse radiance under `appearance`. No ray is cast.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when the appearance does not belong to the scene; [`Error::Numerical`] when the
+    /// tolerance is not reached or the light grows without end.
+    fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution>;
+}
+
+impl FirstPass for Relighter<'_> {
+    fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution> {
+        Relighter::light(self, appearance, observer)
+    }
+}
+
+impl FirstPass for LinkedRelighter<'_> {
+    fn light(&mut self, appearance: &SampledAppearance, observer: &dyn Observer) -> Result<DiffuseSolution> {
+        LinkedRelighter::light(self, appearance, observer)
+    }
+}
+
 /// Solves for the global diffuse radiance of all sample points. No ray is cast, so a new appearance
 /// under the same graph costs this call and nothing else; a [`Relighter`] makes it cheaper still.
 ///
@@ -115,12 +140,8 @@ fn descent(observer: &dyn Observer) -> impl FnMut(f64) + '_ {
     }
 }
 
-/// Whether an appearance belongs to a scene and holds nothing that is not a number.
-fn check_appearance(
-    geometry: &Geometry,
-    graph: &VisibilityGraph,
-    appearance: &SampledAppearance,
-) -> Result<()> {
+/// Whether an appearance belongs to a scene, of which it must be known what the point lights reach, and holds nothing that is not a number.
+fn check_appearance(geometry: &Geometry, knows_lights: bool, appearance: &SampledAppearance) -> Result<()> {
     let refuse = |message: &str| Err(Error::Settings(message.into()));
     if appearance.surface_material.len() != geometry.surfaces.len() {
         return refuse("the appearance does not name a material for every surface of the geometry");
@@ -133,7 +154,7 @@ fn check_appearance(
     if w == 0 {
         return refuse("a run needs at least one wavelength");
     }
-    if !graph.knows_lights(geometry) {
+    if !knows_lights {
         return refuse("it is not known what the point lights reach: let the graph look at them");
     }
     let sane = |l: &Vec<f32>| l.len() == w && l.iter().all(|i| (0.0..=f32::MAX).contains(i));
@@ -187,12 +208,16 @@ const MOST_GAIN: f64 = 1e5;
 /// A system that gains energy has a solution, but not a positive one (Perron and Frobenius), and one that
 /// neither gains nor loses any has none: refuses both. Negative radiance within the tolerance is rounding
 /// and becomes 0.
-fn refuse_endless(radiance: &mut [f32], system: &System, settings: &FirstPassSettings) -> Result<()> {
-    let n = system.points.len().max(1);
+fn refuse_endless(
+    radiance: &mut [f32],
+    emitted: &[f64],
+    flux: impl Fn(&[f32]) -> Vec<f64>,
+    settings: &FirstPassSettings,
+) -> Result<()> {
+    let n = radiance.len() / emitted.len().max(1);
     let negative: Vec<f32> = radiance.iter().map(|l| l.min(0.0)).collect();
-    let emitted = system.emitted();
-    let whole = system.flux(radiance);
-    for (k, negative) in system.flux(&negative).into_iter().enumerate() {
+    let whole = flux(radiance);
+    for (k, negative) in flux(&negative).into_iter().enumerate() {
         let rounding = (10.0 * settings.tolerance).min(0.1) * emitted[k].max(whole[k]);
         let endless = whole[k] > MOST_GAIN * emitted[k];
         if !whole[k].is_finite() || endless || negative > rounding {

@@ -18,7 +18,7 @@ use std::f32::consts::PI;
 
 /// A surface is summed up exactly when its far elements may be wrong by more than about a third of
 /// this projected solid angle, sr.
-const DOUBT: f32 = 1e-5;
+pub(super) const DOUBT: f32 = 1e-5;
 
 /// Corrections to the plain kernel as a sparse matrix, rows are receivers.
 #[derive(Clone, Debug, Default)]
@@ -257,8 +257,7 @@ impl Receivers<'_> {
             }
         }
         if let Some(piece) = points.round(i)
-            && matches!(piece.round, Round::Sphere(_))
-            && !piece.round.looks_out(piece.side)
+            && piece.faces_itself()
         {
             // An element of the inside of a sphere sees itself.
             row.entries.push((i as u32, within_sphere(&piece) as f32));

@@ -79,7 +79,7 @@ impl<'a> Relighter<'a> {
         observer: &dyn Observer,
     ) -> Result<DiffuseSolution> {
         let (geometry, points, settings) = (self.geometry, self.points, &self.settings);
-        check_appearance(geometry, self.graph, appearance)?;
+        check_appearance(geometry, self.graph.knows_lights(geometry), appearance)?;
         let clock = Instant::now();
         let kept = (self.rooms.take(), self.specular.take());
         let system = System::with(geometry, &self.diffuse, appearance, settings, kept, observer);
@@ -102,7 +102,7 @@ impl<'a> Relighter<'a> {
         let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
         let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
         let emitted = system.emitted();
-        refuse_endless(&mut radiance, &system, settings)?;
+        refuse_endless(&mut radiance, &emitted, |l| system.flux(l), settings)?;
 
         // What only the report asks for is not part of the solution's time.
         let solve_s = clock.elapsed().as_secs_f64();
@@ -119,6 +119,7 @@ impl<'a> Relighter<'a> {
             form_factors_reused: self.runs > 0,
             near_pairs: diffuse.corrections().near_pairs,
             summed_surfaces: diffuse.corrections().summed_surfaces,
+            links: 0,
             row_sum: Range::of(diffuse.row_sums(), &points.area),
             closure_error_mean,
             closure_error_max,

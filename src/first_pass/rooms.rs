@@ -4,7 +4,7 @@
 
 use super::form_factor::plane_distances;
 use crate::points::{NO_POINT, SamplePoints};
-use crate::visibility::{Edge, VisibilityGraph};
+use crate::visibility::{Edge, Links, VisibilityGraph};
 
 /// Weaker than this beside the strongest, a room is as good as dark to `f32`.
 const WEAKEST: f64 = 1e-15;
@@ -79,6 +79,43 @@ fn rooms(
             }
         }
         count += 1;
+    }
+    room
+}
+
+/// The room of each point, as far as links tell: all that a point is linked to is in its room.
+pub fn linked_rooms(links: &Links) -> Vec<u32> {
+    let hierarchy = &links.hierarchy;
+    let n = hierarchy.order.len();
+    // By point: another one of the same room, itself where there is none before it.
+    let mut leader: Vec<u32> = (0..n as u32).collect();
+    let find = |leader: &mut Vec<u32>, mut i: u32| {
+        while leader[i as usize] != i {
+            let next = leader[leader[i as usize] as usize];
+            leader[i as usize] = next;
+            i = next;
+        }
+        i
+    };
+    let mut joined = vec![false; hierarchy.clusters.len()];
+    for i in 0..n {
+        for (c, _) in links.row(i) {
+            let of = hierarchy.points(c);
+            // The points of a cluster need to be joined with each other once.
+            let of = if std::mem::replace(&mut joined[c], true) { &of[..1] } else { of };
+            for &j in of {
+                let (a, b) = (find(&mut leader, i as u32), find(&mut leader, j));
+                leader[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    let mut room: Vec<u32> = Vec::with_capacity(n);
+    let mut count = 0;
+    for i in 0..n as u32 {
+        let first = find(&mut leader, i);
+        // The first point of a room leads it.
+        room.push(if first == i { count } else { room[first as usize] });
+        count += u32::from(first == i);
     }
     room
 }

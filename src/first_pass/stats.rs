@@ -51,6 +51,8 @@ pub struct FirstPassStats {
     pub near_pairs: u64,
     /// Pairs of a point and a surface whose elements together have the exact factor.
     pub summed_surfaces: u64,
+    /// Links between points and clusters of points, where light is exchanged over such.
+    pub links: u64,
     /// Σ_j h_ij F_ij over the points: 1 everywhere in a closed scene.
     pub row_sum: Range,
     /// Mean (by area) of |Σ_j h_ij F_ij - 1|: where a scene is closed, what visibility from centre to

@@ -3,12 +3,14 @@
 
 mod cell;
 pub mod facing;
+mod hierarchy;
 mod neighbours;
 mod piece;
 mod refine;
 mod subdivide;
 
 pub use cell::Cell;
+pub use hierarchy::{Cluster, Hierarchy};
 pub use neighbours::MAX_EXTRA_LEVELS;
 pub use piece::Piece;
 pub use refine::{MAX_POINTS, refine, request_key, sample};

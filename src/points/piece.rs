@@ -21,6 +21,11 @@ impl Piece {
         Piece { round, side, cell: Cell::ROOT }
     }
 
+    /// Whether it is of the inside of a sphere, of which every element sees all others and itself.
+    pub fn faces_itself(&self) -> bool {
+        matches!(self.round, Round::Sphere(_)) && !self.round.looks_out(self.side)
+    }
+
     /// Area, m²: the same for all pieces of a level.
     pub fn area(&self) -> f64 {
         self.round.area() * 0.25f64.powi(i32::from(self.cell.level))

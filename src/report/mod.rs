@@ -5,13 +5,13 @@ pub mod machine;
 pub mod paper_tables;
 pub mod wavelength_table;
 
-pub use machine::{Machine, peak_memory_bytes, reset_peak_memory};
+pub use machine::{Machine, peak_memory_bytes, processor_s, reset_peak_memory};
 
 use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::first_pass::FirstPassStats;
 use crate::second_pass::SecondPassStats;
-use crate::visibility::GraphStats;
+use crate::visibility::{GraphStats, LinkStats};
 use serde::Serialize;
 use std::path::Path;
 
@@ -34,6 +34,9 @@ pub struct RunReport {
     pub graph_loaded: bool,
     /// How the graph was built.
     pub graph: GraphStats,
+    /// What the links are, if there are any in place of the graph.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub links: Option<LinkStats>,
     /// Memory of the graph, bytes.
     pub graph_memory_bytes: u64,
     /// The first pass.

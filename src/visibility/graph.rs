@@ -18,7 +18,7 @@ pub enum Edge {
 
 /// h_ij for all pairs of sample points. Facing is geometric and not stored: a set bit says that
 /// nothing stands between the two points, *if* they face each other.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct VisibilityGraph {
     pub(super) starts: Vec<u32>,
     pub(super) edges: Vec<Edge>,

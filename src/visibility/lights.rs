@@ -24,10 +24,9 @@ pub(super) struct LightSight {
     stride: usize,
 }
 
-impl VisibilityGraph {
-    /// Finds out which of `points`, those of the graph, the lights of `geometry` reach: in front of the
-    /// point, and nothing between.
-    pub fn look_at_lights(&mut self, geometry: &Geometry, points: &SamplePoints, tracer: &dyn RayTracer) {
+impl LightSight {
+    /// Finds out which of `points` the lights of `geometry` reach: in front of the point, and nothing between.
+    pub fn look(geometry: &Geometry, points: &SamplePoints, tracer: &dyn RayTracer) -> Self {
         let tolerance = geometry.plane_tolerance();
         let stride = stride_of(points.len());
         let mut words = vec![0u32; stride * geometry.lights.len()];
@@ -51,17 +50,35 @@ impl VisibilityGraph {
             });
         }
         let positions = geometry.lights.iter().map(|l| l.position).collect();
-        self.lights = LightSight { positions, words, stride };
+        LightSight { positions, words, stride }
     }
 
     /// Whether light `light` reaches point `i`.
     pub fn lit(&self, light: usize, i: usize) -> bool {
-        let LightSight { words, stride, .. } = &self.lights;
+        let LightSight { words, stride, .. } = self;
         i / 32 < *stride && words.get(light * stride + i / 32).is_some_and(|w| w >> (i % 32) & 1 == 1)
     }
 
     /// Whether it is known what the lights of `geometry` reach.
+    pub fn knows(&self, geometry: &Geometry) -> bool {
+        geometry.lights.iter().map(|l| l.position).eq(self.positions.iter().copied())
+    }
+}
+
+impl VisibilityGraph {
+    /// Finds out which of `points`, those of the graph, the lights of `geometry` reach: in front of the
+    /// point, and nothing between.
+    pub fn look_at_lights(&mut self, geometry: &Geometry, points: &SamplePoints, tracer: &dyn RayTracer) {
+        self.lights = LightSight::look(geometry, points, tracer);
+    }
+
+    /// Whether light `light` reaches point `i`.
+    pub fn lit(&self, light: usize, i: usize) -> bool {
+        self.lights.lit(light, i)
+    }
+
+    /// Whether it is known what the lights of `geometry` reach.
     pub fn knows_lights(&self, geometry: &Geometry) -> bool {
-        geometry.lights.iter().map(|l| l.position).eq(self.lights.positions.iter().copied())
+        self.lights.knows(geometry)
     }
 }

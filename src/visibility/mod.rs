@@ -3,7 +3,8 @@
 //! [`VisibilityGraph::build`] decides every pair of sample points, most of them without a ray:
 //! points of one surface and points that face away first, then whole tiles of two planar patches
 //! by proofs, then the last blocker (the paper's buf-int) and the few surfaces that can block,
-//! and only what is left by the ray tracer. [`mod@file`] keeps a graph for other runs.
+//! and only what is left by the ray tracer. [`mod@file`] keeps a graph for other runs. [`Links`] are what points see
+//! of clusters of points, for scenes with too many points for all pairs.
 
 mod block;
 mod blocker;
@@ -14,6 +15,7 @@ mod flat;
 mod graph;
 mod kept;
 mod lights;
+mod links;
 mod pairs;
 mod patch;
 mod round;
@@ -24,4 +26,5 @@ mod update;
 
 pub use build::GraphSettings;
 pub use graph::{Edge, Tile, VisibilityGraph};
+pub use links::{LinkSettings, LinkStats, Links};
 pub use stats::GraphStats;

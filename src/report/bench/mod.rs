@@ -3,6 +3,7 @@
 pub mod first_pass;
 pub mod graph;
 pub mod hall;
+pub mod linked;
 pub mod moved;
 pub mod scale;
 pub mod second_pass;

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::first_pass;
 use crate::observer::Observer;
 use crate::points;
-use crate::report::{peak_memory_bytes, reset_peak_memory};
+use crate::report::{peak_memory_bytes, processor_s, reset_peak_memory};
 use crate::scene::Scene;
 use crate::second_pass::{self, Interpolator, LitScene};
 use crate::settings::Settings;
@@ -20,6 +20,8 @@ use std::time::Instant;
 pub struct Cost {
     /// Wall time, s.
     pub s: f64,
+    /// Time of all processors together, s; unlike wall time no matter of what else they do.
+    pub cpu_s: f64,
     /// Largest memory of the process during it, bytes.
     pub peak_memory_bytes: u64,
 }
@@ -97,11 +99,15 @@ impl Size {
 }
 
 /// Runs `stage` and notes what it cost.
-fn timed<T>(cost: &mut Cost, stage: impl FnOnce() -> T) -> T {
+pub(super) fn timed<T>(cost: &mut Cost, stage: impl FnOnce() -> T) -> T {
     reset_peak_memory();
-    let clock = Instant::now();
+    let (clock, cpu_s) = (Instant::now(), processor_s());
     let product = stage();
-    *cost = Cost { s: clock.elapsed().as_secs_f64(), peak_memory_bytes: peak_memory_bytes() };
+    *cost = Cost {
+        s: clock.elapsed().as_secs_f64(),
+        cpu_s: processor_s() - cpu_s,
+        peak_memory_bytes: peak_memory_bytes(),
+    };
     product
 }
 
@@ -148,7 +154,7 @@ fn size(
 }
 
 /// The slope of ln y over ln x by least squares; NaN for fewer than two sizes.
-fn exponent(pairs: &[(f64, f64)]) -> f64 {
+pub(super) fn exponent(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let logs = || pairs.iter().map(|(x, y)| (x.ln(), y.max(1e-9).ln()));
     let (mx, my) = (logs().map(|l| l.0).sum::<f64>() / n, logs().map(|l| l.1).sum::<f64>() / n);

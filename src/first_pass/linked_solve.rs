@@ -1,0 +1,251 @@
+//! The first pass over links: one scene under one appearance after another.
+
+use super::lights::share;
+use super::linked::LinkedOperator;
+use super::rooms::{linked_rooms, weights};
+use super::settings::{FirstPassSettings, Solver};
+use super::stats::{self, FirstPassStats, FluxBalance, Range, over_area};
+use super::system::unfinished;
+use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, gmres, refuse_endless};
+use crate::error::{Error, Result};
+use crate::observer::Observer;
+use crate::points::SamplePoints;
+use crate::scene::{Geometry, SampledAppearance};
+use crate::visibility::Links;
+use std::f32::consts::FRAC_1_PI;
+use std::f64::consts::PI;
+use std::time::Instant;
+
+/// The first pass of a scene over links. Its form factors are geometry alone and serve every appearance; no ray is
+/// cast. Links carry diffuse light: a scene with specular points is refused.
+pub struct LinkedRelighter<'a> {
+    geometry: &'a Geometry,
+    points: &'a SamplePoints,
+    links: &'a Links,
+    settings: FirstPassSettings,
+    diffuse: LinkedOperator<'a>,
+    /// The room of each point.
+    room: Vec<u32>,
+    /// Time spent on the form factors and not yet reported, s.
+    pending_s: f64,
+    runs: usize,
+}
+
+/// What an appearance brings, `[W][N]` each.
+struct Light {
+    emission: Vec<f32>,
+    reflectance: Vec<f32>,
+    /// Irradiance by point lights; empty without.
+    lights: Vec<f32>,
+    /// Flux emitted by surfaces and lights, W nm⁻¹: `[W]`.
+    emitted: Vec<f64>,
+    /// Flux of point lights alone.
+    of_lights: Vec<f64>,
+}
+
+impl<'a> LinkedRelighter<'a> {
+    /// Prepares the form factors.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when links and points do not belong together or a setting cannot be used.
+    pub fn new(
+        geometry: &'a Geometry,
+        points: &'a SamplePoints,
+        links: &'a Links,
+        settings: &FirstPassSettings,
+    ) -> Result<Self> {
+        settings.validate()?;
+        if links.key() != &points.key {
+            return Err(Error::Settings(
+                "the links were made for other sample points: make them again".into(),
+            ));
+        }
+        if settings.solver == Solver::Shooting {
+            let message = "light cannot be shot over links: use the iterative solver, or no links";
+            return Err(Error::Settings(message.into()));
+        }
+        let clock = Instant::now();
+        let diffuse = LinkedOperator::new(points, links, settings.kernel);
+        let room = linked_rooms(links);
+        let pending_s = clock.elapsed().as_secs_f64();
+        Ok(LinkedRelighter {
+            geometry,
+            points,
+            links,
+            settings: *settings,
+            diffuse,
+            room,
+            pending_s,
+            runs: 0,
+        })
+    }
+
+    /// D.
+    pub fn operator(&self) -> &LinkedOperator<'a> {
+        &self.diffuse
+    }
+
+    /// Solves for the global diffuse radiance under `appearance`.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] when the appearance does not belong to the scene or is specular; [`Error::Numerical`] when
+    /// the tolerance is not reached or the light grows without end.
+    pub fn light(
+        &mut self,
+        appearance: &SampledAppearance,
+        observer: &dyn Observer,
+    ) -> Result<DiffuseSolution> {
+        let (points, settings) = (self.points, &self.settings);
+        check_appearance(self.geometry, self.links.knows_lights(self.geometry), appearance)?;
+        let specular = points.surface.iter().filter(|&&s| appearance.of(s).is_specular()).count();
+        if specular > 0 {
+            return Err(Error::Settings(format!(
+                "links carry diffuse light only, but {specular} sample points are specular: compute without links, \
+                 over all pairs of points"
+            )));
+        }
+        let clock = Instant::now();
+        let light = self.sources(appearance);
+        let (n, w) = (points.len(), appearance.wavelengths.len());
+        let setup_s = clock.elapsed().as_secs_f64() + std::mem::take(&mut self.pending_s);
+        let clock = Instant::now();
+        observer.begin("first pass", STEPS);
+        let solved = self.solve(&light, descent(observer));
+        observer.end();
+        let (solved, sweeps) = solved?;
+
+        // One more sweep gives the true residual and a solution that is no worse.
+        let mut irradiance = self.diffuse.irradiance(&solved, |_| true);
+        irradiance.iter_mut().zip(&light.lights).for_each(|(e, more)| *e += more);
+        let mut radiance = light.emission.clone();
+        radiance.iter_mut().zip(reflected(&light.reflectance, &irradiance)).for_each(|(l, r)| *l += r);
+        let difference: Vec<f32> = radiance.iter().zip(&solved).map(|(a, b)| a - b).collect();
+        refuse_endless(&mut radiance, &light.emitted, |l| flux(points, l, w), settings)?;
+        let solve_s = clock.elapsed().as_secs_f64();
+
+        let residual = flux(points, &difference, w);
+        let share = |(r, e): (&f64, &f64)| if *e > 0.0 { r / e } else { 0.0 };
+        let (closure_error_mean, closure_error_max) =
+            stats::closure_error(self.diffuse.row_sums(), &points.area);
+        let stats = FirstPassStats {
+            points: n as u64,
+            form_factors_reused: self.runs > 0,
+            links: self.links.stats.links,
+            row_sum: Range::of(self.diffuse.row_sums(), &points.area),
+            closure_error_mean,
+            closure_error_max,
+            sweeps: sweeps + 1.0,
+            residual: residual.iter().zip(&light.emitted).map(share).fold(0.0, f64::max),
+            flux: self.balance(&light, &solved, &irradiance),
+            setup_s,
+            solve_s,
+            ..Default::default()
+        };
+        self.runs += 1;
+        let by_point = |plane: &[f32]| (0..n * w).map(|at| plane[at % w * n + at / w]).collect();
+        let parts = settings.parts.then(|| {
+            let mut direct = self.diffuse.irradiance(&light.emission, |_| true);
+            direct.iter_mut().zip(&light.lights).for_each(|(e, more)| *e += more);
+            let direct: Vec<f32> = reflected(&light.reflectance, &direct).collect();
+            Parts {
+                emission: by_point(&light.emission),
+                direct: by_point(&direct),
+                specular: vec![0.0; n * w],
+            }
+        });
+        let (wavelengths, radiance) = (appearance.wavelengths.clone(), by_point(&radiance));
+        Ok(DiffuseSolution { wavelengths, radiance, parts, stats })
+    }
+
+    fn sources(&self, appearance: &SampledAppearance) -> Light {
+        let (geometry, points) = (self.geometry, self.points);
+        let (n, w) = (points.len(), appearance.wavelengths.len());
+        let mut light = Light {
+            emission: vec![0.0; n * w],
+            reflectance: vec![0.0; n * w],
+            lights: Vec::new(),
+            emitted: Vec::new(),
+            of_lights: vec![0.0; w],
+        };
+        for i in 0..n {
+            let material = appearance.of(points.surface[i]);
+            for k in 0..w {
+                light.emission[k * n + i] = material.emission[k];
+                light.reflectance[k * n + i] = material.diffuse[k];
+            }
+        }
+        if !geometry.lights.is_empty() {
+            light.lights = vec![0.0; n * w];
+        }
+        for (l, (source, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
+            for (k, intensity) in intensity.iter().enumerate() {
+                light.of_lights[k] += source.distribution.solid_angle() * f64::from(*intensity);
+            }
+            for i in (0..n).filter(|&i| self.links.lit(l, i)) {
+                let share = share(source, points, i);
+                (0..w).for_each(|k| light.lights[k * n + i] += share * intensity[k]);
+            }
+        }
+        let emitted = flux(points, &light.emission, w);
+        light.emitted = emitted.iter().zip(&light.of_lights).map(|(e, l)| e + l).collect();
+        light
+    }
+
+    /// The radiance of all points and how many sweeps it took.
+    fn solve(&self, light: &Light, mut progress: impl FnMut(f64)) -> Result<(Vec<f32>, f64)> {
+        let (points, settings) = (self.points, &self.settings);
+        let (n, w) = (points.len(), light.emitted.len());
+        let mut sources = light.emission.clone();
+        sources.iter_mut().zip(reflected(&light.reflectance, &light.lights)).for_each(|(l, r)| *l += r);
+        let area = over_area(points, |_| 1.0);
+        let goals: Vec<f64> =
+            light.emitted.iter().map(|f| settings.tolerance * f / (PI * area.sqrt())).collect();
+        let reflects: Vec<bool> =
+            (0..n).map(|i| (0..w).any(|k| light.reflectance[k * n + i] > 0.0)).collect();
+        let weights = weights(points, &self.room, &sources);
+        let mut sweeps = 0.0;
+        let outcome = gmres::solve(&sources, &weights, &goals, settings.max_sweeps as usize, |v, excess| {
+            sweeps += 1.0;
+            progress(excess);
+            let irradiance = self.diffuse.irradiance(v, |i| reflects[i]);
+            let back = reflected(&light.reflectance, &irradiance);
+            Ok((v.to_vec(), v.iter().zip(back).map(|(v, b)| v - b).collect()))
+        })?;
+        if outcome.norm.iter().zip(&goals).any(|(norm, goal)| norm > goal || !norm.is_finite()) {
+            return Err(unfinished(settings));
+        }
+        Ok((outcome.x, sweeps))
+    }
+
+    /// Where the flux went, given the radiance it was computed from.
+    fn balance(&self, light: &Light, radiance: &[f32], irradiance: &[f32]) -> FluxBalance {
+        let points = self.points;
+        let n = points.len();
+        let mut balance = FluxBalance::default();
+        for (k, &emitted) in light.emitted.iter().enumerate() {
+            let at = |plane: &[f32], i: usize| plane.get(k * n + i).map_or(0.0, |&x| f64::from(x));
+            let absorbed = over_area(points, |i| at(irradiance, i) * (1.0 - at(&light.reflectance, i)));
+            let escaped = PI
+                * over_area(points, |i| at(radiance, i) * (1.0 - f64::from(self.diffuse.row_sums()[i])))
+                + light.of_lights[k]
+                - over_area(points, |i| at(&light.lights, i));
+            balance.emitted.push(emitted);
+            balance.absorbed.push(absorbed);
+            balance.escaped.push(escaped);
+            balance.cut_off.push(0.0);
+            balance.error.push(if emitted > 0.0 { (emitted - absorbed - escaped) / emitted } else { 0.0 });
+        }
+        balance
+    }
+}
+
+/// ρ/π E.
+fn reflected<'v>(reflectance: &'v [f32], irradiance: &'v [f32]) -> impl Iterator<Item = f32> + 'v {
+    irradiance.iter().zip(reflectance).map(|(e, rho)| e * rho * FRAC_1_PI)
+}
+
+/// π Σ A |x| of each of `w` wavelengths.
+fn flux(points: &SamplePoints, x: &[f32], w: usize) -> Vec<f64> {
+    let n = points.len();
+    (0..w).map(|k| PI * over_area(points, |i| f64::from(x[k * n + i]).abs())).collect()
+}
