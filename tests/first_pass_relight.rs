@@ -73,6 +73,18 @@ fn every_change_gives_the_bits_of_a_fresh_run() {
 }
 
 #[test]
+fn what_is_kept_does_not_change_a_bit() {
+    let scene = scene();
+    let all = scene.solve(&FirstPassSettings::default()).unwrap();
+    // Nothing, and a part.
+    for kept_bytes in [0, 1 << 20] {
+        let some = scene.solve(&FirstPassSettings { kept_bytes, ..Default::default() }).unwrap();
+        assert_eq!(all.radiance, some.radiance, "{kept_bytes} bytes");
+        assert_eq!(all.stats.flux, some.stats.flux, "{kept_bytes} bytes");
+    }
+}
+
+#[test]
 fn a_failed_appearance_leaves_the_relighter_as_good_as_new() {
     let mut scene = scene();
     let settings = FirstPassSettings::default();

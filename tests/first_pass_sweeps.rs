@@ -49,6 +49,18 @@ fn twelve_sweeps_are_enough_for_a_bright_furnished_room() {
 }
 
 #[test]
+fn mirrors_and_glossy_chairs_ask_for_few_more_sweeps() {
+    let scene = shiny_room();
+    let stats = scene.solve(&FirstPassSettings { tolerance: 1e-3, ..Default::default() }).unwrap().stats;
+    println!(
+        "{} points, {} specular: {} sweeps, {} rounds, residual {:.1e}",
+        stats.points, stats.specular_points, stats.sweeps, stats.rounds, stats.residual
+    );
+    assert!(stats.specular_points > 100, "{stats:?}");
+    assert!(stats.sweeps <= 16.0 && stats.residual <= 1e-3, "{stats:?}");
+}
+
+#[test]
 fn chains_cost_what_specular_points_and_their_lobes_ask_for() {
     let scene = shiny_room();
     let settings = FirstPassSettings::default();

@@ -8,20 +8,21 @@
 //! the mirror says, and energy is neither created nor lost. Reciprocity holds, since B stays symmetric.
 
 use super::directions::{Directions, LANES};
-use super::normalise::Rows;
+use super::normalise::weighted;
+use super::rows::Rows;
 use crate::observer::Observer;
 use crate::points::NO_POINT;
 use rayon::prelude::*;
 
 /// Rounds of balancing.
 const ROUNDS: usize = 3;
-/// Groups of lanes kept for all lobes together at most (300 MB); rows beyond are recomputed in each round.
-const KEPT: usize = 8 << 20;
 
 /// The lobe of one specular element.
 pub struct Element {
     /// The directions, whose scale is changed.
     pub directions: Directions,
+    /// Its rows, towards the directions of `other`.
+    pub rows: Rows,
     /// The element whose directions light leaves by: this one, or the one on the other side of the pane.
     pub other: usize,
     /// The surface and the side it belongs to.
@@ -46,18 +47,13 @@ pub fn balance(elements: &mut [Element], points: usize, observer: &dyn Observer)
         group.iter().all(|&s| !open(&elements[s]) && !open(&elements[elements[s].other]))
     };
     let closed: Vec<bool> = members.iter().map(closed).collect();
-    let rows: Vec<Rows> = (elements.par_iter())
-        .map(|e| {
-            let most = if closed[e.group] { KEPT / elements.len() } else { 0 };
-            Rows::new(&e.directions, &elements[e.other].directions, None, most)
-        })
-        .collect();
     let mut error = (0.0, 0.0);
     for round in 0..ROUNDS {
         let wanted = |e: &Element| round == 0 || closed[e.group];
-        let sums: Vec<Vec<f32>> = (elements.par_iter().zip(&rows))
-            .map(|(e, rows)| {
-                let sums = || rows.sums(&e.directions, &elements[e.other].directions);
+        let sums: Vec<Vec<f32>> = (elements.par_iter())
+            .map(|e| {
+                let to = &elements[e.other].directions;
+                let sums = || e.rows.product(&e.directions, to, None, &weighted(to, None));
                 if wanted(e) { sums() } else { Vec::new() }
             })
             .inspect(|_| observer.advance(u64::from(round == 0)))

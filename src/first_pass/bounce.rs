@@ -1,21 +1,32 @@
 //! One bounce of the specular chains at one specular point: what comes in, and what goes out to whom.
 
-use super::directions::LANES;
+use super::directions::{Directions, LANES, Lanes};
 use super::lights::PointLighting;
-use super::lobe_table::{BAND, Band, LobeTable};
-use super::scatter::{Lobe, Scatter, reflect};
+use super::lobe_table::{BAND, LobeTable};
+use super::rows::Pass;
+use super::scatter::spread;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
 use crate::simd::wide;
 use rayon::prelude::*;
 
-/// Radiance on its way from specular point to specular point: per point and link, `[bands]`.
-pub type State = Vec<Vec<Band>>;
+/// Radiance on its way from specular point to specular point: per point, `[links][W]`.
+pub type State = Vec<Vec<f32>>;
+
+/// What one specular point receives in one bounce.
+struct Incoming {
+    /// q L of its members, with absorption on the way, `[groups][W]`, of as many groups as send any.
+    light: Vec<Lanes>,
+    /// Flux, W nm⁻¹: `[W]`.
+    entered: Vec<f64>,
+    /// Flux absorbed on the way, W nm⁻¹: `[W]`.
+    medium: Vec<f64>,
+}
 
 /// What one specular point sends out in one bounce.
 pub struct Outgoing {
-    /// Radiance towards each member, `[members][bands]`.
-    pub radiance: Vec<Band>,
+    /// Radiance towards each member, `[groups][W]`.
+    pub radiance: Vec<Lanes>,
     /// Flux that came in, after absorption on the way, W nm⁻¹: `[W]`.
     pub entered: Vec<f64>,
     /// Flux absorbed on the way, W nm⁻¹: `[W]`.
@@ -28,8 +39,8 @@ pub struct Bounce<'a> {
     pub set: &'a SpecularSet,
     /// All sample points.
     pub points: &'a SamplePoints,
-    /// Diffuse radiance of all points, `[N][bands]`.
-    pub radiance: Option<&'a [Band]>,
+    /// Diffuse radiance of all points, `[N][W]`.
+    pub radiance: Option<&'a [f32]>,
     /// What point lights bring.
     pub lights: Option<&'a PointLighting>,
     /// Radiance under way.
@@ -37,104 +48,111 @@ pub struct Bounce<'a> {
 }
 
 impl Bounce<'_> {
-    /// Source terms of specular point `s`: (member, q L with absorption on the way), and the flux
-    /// absorbed on the way.
-    fn sources(&self, s: usize) -> (Vec<u32>, Vec<Band>, Vec<f64>) {
-        let (w, bands) = (self.set.wavelengths, self.set.bands());
+    /// What comes in at specular point `s` from its members.
+    fn incoming(&self, s: usize) -> Incoming {
+        let w = self.set.wavelengths;
         let point = &self.set.points[s];
         let area = f64::from(self.points.area[point.point as usize]);
-        let (mut members, mut values, mut medium) = (Vec::new(), Vec::new(), vec![0.0; w]);
-        let mut push = |member: usize, l: &[Band]| {
-            if l.iter().flatten().all(|&l| l == 0.0) {
-                return;
-            }
-            members.push(member as u32);
-            let q = point.q_in[member];
-            for (band, l) in l.iter().enumerate() {
-                let mut value = l.map(|l| q * l);
-                if !point.distance.is_empty() {
-                    for c in band * BAND..w.min((band + 1) * BAND) {
-                        let through = self.set.through(point, member, c);
-                        medium[c] += area * f64::from(value[c % BAND] * (1.0 - through));
-                        value[c % BAND] *= through;
-                    }
-                }
-                values.push(value);
-            }
-        };
-        let links = || point.links.iter().zip(self.state.map_or(&[][..], |state| &state[s]).chunks(bands));
+        // Specular points stand first.
+        let groups = if self.radiance.is_some() { point.reflection.groups() } else { point.link_groups };
+        let mut light = vec![[0.0; LANES]; groups * w];
         if let Some(radiance) = self.radiance {
-            // Specular points stand first.
-            let linked = point.links.iter().map(|l| l.member as usize + 1).max().unwrap_or(0);
-            let mut light = vec![[0.0; BAND]; linked * bands];
-            for (link, l) in links() {
-                light[link.member as usize * bands..][..bands].copy_from_slice(l);
-            }
             for (member, &i) in point.members.iter().enumerate().filter(|(_, i)| **i != NO_POINT) {
-                let own = &radiance[i as usize * bands..(i as usize + 1) * bands];
-                if member < linked {
-                    let light = &mut light[member * bands..(member + 1) * bands];
-                    for (light, own) in light.iter_mut().zip(own) {
-                        (0..BAND).for_each(|lane| light[lane] += own[lane]);
-                    }
-                    push(member, light);
-                } else {
-                    push(member, own);
-                }
-            }
-        } else {
-            for (link, l) in links() {
-                push(link.member as usize, l);
+                let own = &radiance[i as usize * w..(i as usize + 1) * w];
+                let group = &mut light[member / LANES * w..(member / LANES + 1) * w];
+                group.iter_mut().zip(own).for_each(|(light, own)| light[member % LANES] = *own);
             }
         }
-        (members, values, medium)
+        for (link, l) in point.links.iter().zip(self.state.map_or(&[][..], |state| &state[s]).chunks(w)) {
+            let member = link.member as usize;
+            let group = &mut light[member / LANES * w..(member / LANES + 1) * w];
+            group.iter_mut().zip(l).for_each(|(light, l)| light[member % LANES] += *l);
+        }
+        for (light, q) in light.chunks_exact_mut(w).zip(&point.reflection.weight) {
+            light.iter_mut().for_each(|light| (0..LANES).for_each(|lane| light[lane] *= q[lane]));
+        }
+        let (mut entered, mut medium) = (vec![0.0; w], vec![0.0; w]);
+        for (member, _) in point.distance.iter().enumerate().take(groups * LANES) {
+            for c in 0..w {
+                let light = &mut light[member / LANES * w + c][member % LANES];
+                let through = self.set.through(point, member, c);
+                medium[c] += area * f64::from(*light * (1.0 - through));
+                *light *= through;
+            }
+        }
+        for light in light.chunks_exact(w) {
+            for (entered, light) in entered.iter_mut().zip(light) {
+                *entered += area * f64::from(light.iter().sum::<f32>());
+            }
+        }
+        Incoming { light, entered, medium }
     }
 
     /// What `s` sends to the members in its first `groups`: reflected from its own side, transmitted from its
     /// twin's.
     pub fn outgoing(&self, s: usize, groups: usize) -> Outgoing {
-        let bands = self.set.bands();
+        let w = self.set.wavelengths;
         let point = &self.set.points[s];
-        let mut radiance = vec![[0.0; BAND]; groups * LANES * bands];
+        let mut radiance = vec![[0.0; LANES]; groups * w];
         if groups == 0 {
             return Outgoing { radiance, entered: Vec::new(), medium: Vec::new() };
         }
-        let (members, values, mut medium) = self.sources(s);
-        let area = f64::from(self.points.area[point.point as usize]);
-        let mut entered = vec![0.0; self.set.wavelengths];
-        for value in values.chunks(bands) {
-            for (c, e) in entered.iter_mut().enumerate() {
-                *e += area * f64::from(value[c / BAND][c % BAND]);
-            }
-        }
-        if let Some(lights) = self.lights {
-            let (irradiance, absorbed) = lights.on(s, self.set.wavelengths);
-            for c in 0..self.set.wavelengths {
-                entered[c] += area * irradiance[c];
-                medium[c] += area * absorbed[c];
-            }
-            lights.scatter(self.set, s, groups, &mut radiance);
-        }
+        let Incoming { light, mut entered, mut medium } = self.incoming(s);
         if let Some(material) = self.set.material(point) {
-            let table = reflectance(point, material);
-            let (lobe, sources) = (Lobe { table, bands }, (&members[..], &values[..]));
-            reflect(&point.reflection, sources, groups, lobe, &mut radiance);
-            if let (Some(twin), Some(transmit), Some(to)) =
-                (point.twin, &material.transmit, &point.transmission)
-                && let Some(from) = &self.set.points[twin as usize].transmission
+            let (lobe, table) = (&point.reflection, reflectance(point, material));
+            let known = light.len() / w;
+            let all = groups.max(known);
+            let mut out = vec![[0.0; LANES]; all * w];
+            wide(Pass {
+                rows: &point.rows,
+                table,
+                from: lobe,
+                to: lobe,
+                count: groups.min(known) * LANES,
+                groups: all,
+                w,
+                light: &scaled(lobe, w, &light),
+                out: &mut out,
+            });
+            rescale(lobe, w, 1.0, &out, &mut radiance);
+            spread(lobe, table, w, &light, &mut radiance);
+            if let (Some(twin), Some(table), Some(to)) = (point.twin, &material.transmit, &point.transmission)
+                && let twin = twin as usize
+                && let (Some(from), Some(rows)) =
+                    (&self.set.points[twin].transmission, &self.set.points[twin].through)
             {
-                let (members, values, _) = self.sources(twin as usize);
-                let mut through = vec![[0.0; BAND]; radiance.len()];
-                let lobe = Lobe { table: transmit, bands };
-                let sources = (&members[..], &values[..]);
-                wide(Scatter { from, sources, to, groups, lobe, radiance: &mut through });
+                let light = self.incoming(twin).light;
+                let mut out = vec![[0.0; LANES]; groups * w];
+                wide(Pass {
+                    rows,
+                    table,
+                    from,
+                    to,
+                    count: light.len() / w * LANES,
+                    groups,
+                    w,
+                    light: &scaled(from, w, &light),
+                    out: &mut out,
+                });
                 // Radiance over n² is what stays the same across the boundary; inside elements
                 // already weigh n² in the normalisation.
                 let n2 = if point.inside { material.n2 } else { 1.0 };
-                for (out, through) in radiance.iter_mut().zip(&through) {
-                    for lane in 0..BAND {
-                        out[lane] += n2 * through[lane];
-                    }
+                rescale(to, w, n2, &out, &mut radiance);
+            }
+        }
+        if let Some(lights) = self.lights {
+            let area = f64::from(self.points.area[point.point as usize]);
+            let (irradiance, absorbed) = lights.on(s, w);
+            for c in 0..w {
+                entered[c] += area * irradiance[c];
+                medium[c] += area * absorbed[c];
+            }
+            let bands = self.set.bands();
+            let mut more = vec![[0.0; BAND]; groups * LANES * bands];
+            lights.scatter(self.set, s, groups, &mut more);
+            for (k, more) in more.chunks_exact(bands).enumerate() {
+                for c in 0..w {
+                    radiance[k / LANES * w + c][k % LANES] += more[c / BAND][c % BAND];
                 }
             }
         }
@@ -143,14 +161,14 @@ impl Bounce<'_> {
 
     /// Flux and largest irradiance that the first bounce starts from.
     pub fn strength(&self) -> (Vec<f64>, f64) {
-        let (w, bands) = (self.set.wavelengths, self.set.bands());
+        let w = self.set.wavelengths;
         let per_point: Vec<Vec<f64>> = (0..self.set.points.len())
             .into_par_iter()
             .map(|s| {
                 let mut irradiance = self.lights.map_or_else(|| vec![0.0; w], |l| l.on(s, w).0);
-                for value in self.sources(s).1.chunks(bands) {
-                    for (c, e) in irradiance.iter_mut().enumerate() {
-                        *e += f64::from(value[c / BAND][c % BAND]).abs();
+                for light in self.incoming(s).light.chunks_exact(w) {
+                    for (e, light) in irradiance.iter_mut().zip(light) {
+                        *e += f64::from(light.iter().map(|l| l.abs()).sum::<f32>());
                     }
                 }
                 irradiance
@@ -165,6 +183,26 @@ impl Bounce<'_> {
             }
         }
         (flux, largest)
+    }
+}
+
+/// Light times the scale factors of where it comes from.
+fn scaled(from: &Directions, w: usize, light: &[Lanes]) -> Vec<Lanes> {
+    let mut scaled = light.to_vec();
+    for (light, u) in scaled.chunks_exact_mut(w).zip(&from.scale) {
+        for light in light {
+            (0..LANES).for_each(|lane| light[lane] *= from.gain * u[lane]);
+        }
+    }
+    scaled
+}
+
+/// Adds what came through a lobe, times the scale factors of where it goes and times `factor`.
+fn rescale(to: &Directions, w: usize, factor: f32, out: &[Lanes], radiance: &mut [Lanes]) {
+    for ((radiance, out), u) in radiance.chunks_exact_mut(w).zip(out.chunks_exact(w)).zip(&to.scale) {
+        for (radiance, out) in radiance.iter_mut().zip(out) {
+            (0..LANES).for_each(|lane| radiance[lane] += factor * u[lane] * out[lane]);
+        }
     }
 }
 

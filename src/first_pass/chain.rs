@@ -1,10 +1,10 @@
 //! The specular chains D(S...)D: what diffuse radiance becomes after one or more specular
 //! reflections or transmissions in a row (the global specular operator of section 3.3).
 
-use super::bounce::{Bounce, Outgoing, State};
+use super::bounce::{Bounce, State};
+use super::directions::LANES;
 use super::flow::ChainFlow;
 use super::lights::PointLighting;
-use super::lobe_table::{BAND, Band};
 use super::settings::ChainLimits;
 use super::specular::{SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
@@ -12,6 +12,8 @@ use rayon::prelude::*;
 
 /// Specular points whose outgoing radiances are held at a time.
 const BLOCK: usize = 64;
+/// Parts of what is delivered that are summed up apart.
+const PARTS: usize = 16;
 /// More reflections than this are never followed: perfect mirrors in a closed box never end.
 const LONGEST: u32 = 2000;
 
@@ -19,7 +21,7 @@ impl SpecularSet {
     /// The irradiance of all points by specular chains that start with the diffuse `radiance`
     /// (`[W][N]`) of all points. Same bits for any number of threads.
     pub fn apply(&self, points: &SamplePoints, radiance: &[f32], limits: &ChainLimits) -> ChainFlow {
-        let by_point = interleave(radiance, points.len(), self.wavelengths, self.bands());
+        let by_point = interleave(radiance, points.len(), self.wavelengths);
         self.chains(
             &Bounce { set: self, points, radiance: Some(&by_point), lights: None, state: None },
             limits,
@@ -39,7 +41,7 @@ impl SpecularSet {
     /// The chains that begin with the `first` bounce.
     fn chains(&self, first: &Bounce, limits: &ChainLimits) -> ChainFlow {
         let points = first.points;
-        let (n, w, bands) = (points.len(), self.wavelengths, self.bands());
+        let (n, w) = (points.len(), self.wavelengths);
         let zeros = || vec![0.0f64; w];
         let mut flow = ChainFlow {
             irradiance: vec![0.0; n * w],
@@ -54,7 +56,7 @@ impl SpecularSet {
         if self.points.is_empty() || longest == 0 {
             return flow;
         }
-        let mut all: State = self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
+        let mut all: State = self.points.iter().map(|p| vec![0.0; p.links.len() * w]).collect();
         let mut state: Option<State> = None;
         let mut start = (zeros(), 0.0f64);
         loop {
@@ -73,33 +75,27 @@ impl SpecularSet {
             }
             let next = self.prune(points, next, limits.eff_min * start.1, &mut flow.cut_off);
             for (all, next) in all.iter_mut().flatten().zip(next.iter().flatten()) {
-                (0..BAND).for_each(|lane| all[lane] += next[lane]);
+                *all += next;
             }
             state = Some(next);
         }
-        let mut sums = vec![0.0f64; n * w];
-        let arrived = Bounce { state: Some(&all), ..*first };
-        self.deliver(&arrived, &mut sums, &mut flow);
-        for i in 0..n {
-            for k in 0..w {
-                flow.irradiance[k * n + i] = sums[i * w + k] as f32;
-            }
-        }
+        self.deliver(&Bounce { state: Some(&all), ..*first }, &mut flow);
         flow
     }
 
     /// One bounce of all points, as far as specular points see it.
     fn bounce(&self, bounce: &Bounce) -> State {
-        let bands = self.bands();
-        let mut next: State = self.points.iter().map(|p| vec![[0.0; BAND]; p.links.len() * bands]).collect();
+        let w = self.wavelengths;
+        let mut next: State = self.points.iter().map(|p| vec![0.0; p.links.len() * w]).collect();
         for first in (0..self.points.len()).step_by(BLOCK) {
             let block = first..(first + BLOCK).min(self.points.len());
             let towards = |s: usize| bounce.outgoing(s, self.points[s].link_groups).radiance;
-            let outgoing: Vec<Vec<Band>> = block.clone().into_par_iter().map(towards).collect();
+            let outgoing: Vec<Vec<_>> = block.clone().into_par_iter().map(towards).collect();
             for (s, radiance) in block.zip(&outgoing) {
                 for link in self.points[s].links.iter().filter(|l| l.back != NO_POINT) {
-                    let (from, to) = (link.member as usize * bands, link.back as usize * bands);
-                    next[link.point as usize][to..to + bands].copy_from_slice(&radiance[from..from + bands]);
+                    let (group, lane) = (link.member as usize / LANES * w, link.member as usize % LANES);
+                    let next = &mut next[link.point as usize][link.back as usize * w..][..w];
+                    next.iter_mut().zip(&radiance[group..]).for_each(|(next, l)| *next = l[lane]);
                 }
             }
         }
@@ -108,45 +104,55 @@ impl SpecularSet {
 
     /// What all the light that ever arrived at specular points becomes: irradiance and flows. Specular points take
     /// part in every bounce, all others in this one only.
-    fn deliver(&self, bounce: &Bounce, sums: &mut [f64], flow: &mut ChainFlow) {
-        let (w, bands) = (self.wavelengths, self.bands());
-        for first in (0..self.points.len()).step_by(BLOCK) {
-            let block = first..(first + BLOCK).min(self.points.len());
-            let all = |s: usize| bounce.outgoing(s, self.points[s].reflection.groups());
-            let outgoing: Vec<Outgoing> = block.clone().into_par_iter().map(all).collect();
-            for (s, out) in block.zip(&outgoing) {
-                let point = &self.points[s];
-                let area = f64::from(bounce.points.area[point.point as usize]);
-                add(&mut flow.entered, &out.entered);
-                add(&mut flow.medium, &out.medium);
-                for (k, &member) in point.members.iter().enumerate() {
-                    let towards = &out.radiance[k * bands..(k + 1) * bands];
-                    if towards.iter().flatten().all(|&l| l == 0.0) {
-                        continue;
-                    }
-                    for c in 0..w {
-                        let l = f64::from(towards[c / BAND][c % BAND]);
-                        let flux = area * f64::from(point.q_in[k]) * l;
-                        flow.left[c] += flux;
-                        if member == NO_POINT {
-                            flow.escaped[c] += flux;
-                        } else {
-                            let through = f64::from(self.through(point, k, c));
-                            sums[member as usize * w + c] += f64::from(point.q_out[k]) * l * through;
-                        }
-                    }
+    fn deliver(&self, bounce: &Bounce, flow: &mut ChainFlow) {
+        let (n, w) = (bounce.points.len(), self.wavelengths);
+        let length = self.points.len().div_ceil(PARTS);
+        let part = |part: usize| {
+            let mut delivered = Delivered { sums: vec![0.0; n * w], ..Default::default() };
+            for total in delivered.flows() {
+                total.resize(w, 0.0);
+            }
+            for s in part * length..((part + 1) * length).min(self.points.len()) {
+                self.deliver_from(bounce, s, &mut delivered);
+            }
+            delivered
+        };
+        let mut parts: Vec<Delivered> = (0..PARTS).into_par_iter().map(part).collect();
+        for part in &mut parts {
+            let totals = [&mut flow.entered, &mut flow.left, &mut flow.escaped, &mut flow.medium];
+            totals.into_iter().zip(part.flows()).for_each(|(total, part)| add(total, part));
+        }
+        flow.irradiance.par_chunks_mut(n).enumerate().for_each(|(k, irradiance)| {
+            for (i, e) in irradiance.iter_mut().enumerate() {
+                *e = parts.iter().map(|part| part.sums[i * w + k]).sum::<f64>() as f32;
+            }
+        });
+    }
+
+    /// Adds what specular point `s` delivers.
+    fn deliver_from(&self, bounce: &Bounce, s: usize, delivered: &mut Delivered) {
+        let w = self.wavelengths;
+        let point = &self.points[s];
+        let out = bounce.outgoing(s, point.reflection.groups());
+        let area = f64::from(bounce.points.area[point.point as usize]);
+        add(&mut delivered.entered, &out.entered);
+        add(&mut delivered.medium, &out.medium);
+        let absorbs = !point.distance.is_empty();
+        for (k, &member) in point.members.iter().enumerate() {
+            let (q_in, q_out) = (area * f64::from(point.q_in[k]), f64::from(point.q_out[k]));
+            // What a diffuse member inside a solid gets is less than what was sent.
+            let ends = absorbs && member != NO_POINT && !self.is_linked(point, k);
+            for (c, towards) in out.radiance[k / LANES * w..][..w].iter().enumerate() {
+                let l = f64::from(towards[k % LANES]);
+                delivered.left[c] += q_in * l;
+                if member == NO_POINT {
+                    delivered.escaped[c] += q_in * l;
+                    continue;
                 }
-                // What a diffuse member inside a solid gets is less than what was sent.
-                if !point.distance.is_empty() {
-                    for (k, &member) in point.members.iter().enumerate() {
-                        if member != NO_POINT && !self.is_linked(point, k) {
-                            for c in 0..w {
-                                let l = f64::from(out.radiance[k * bands + c / BAND][c % BAND]);
-                                let lost = 1.0 - f64::from(self.through(point, k, c));
-                                flow.medium[c] += area * f64::from(point.q_in[k]) * l * lost;
-                            }
-                        }
-                    }
+                let through = if absorbs { f64::from(self.through(point, k, c)) } else { 1.0 };
+                delivered.sums[member as usize * w + c] += q_out * l * through;
+                if ends {
+                    delivered.medium[c] += q_in * l * (1.0 - through);
                 }
             }
         }
@@ -176,10 +182,10 @@ impl SpecularSet {
         let mut pending = Pending { flux: vec![0.0; w], signed: vec![0.0; w] };
         for (s, point) in self.points.iter().enumerate() {
             let area = f64::from(points.area[point.point as usize]);
-            for (link, l) in point.links.iter().zip(state[s].chunks(self.bands())) {
+            for (link, l) in point.links.iter().zip(state[s].chunks(w)) {
                 let q = area * f64::from(point.q_in[link.member as usize]);
-                for c in 0..w {
-                    let flux = q * f64::from(l[c / BAND][c % BAND]);
+                for (c, &l) in l.iter().enumerate() {
+                    let flux = q * f64::from(l);
                     pending.flux[c] += flux.abs();
                     pending.signed[c] += flux;
                 }
@@ -193,15 +199,15 @@ impl SpecularSet {
         if least <= 0.0 {
             return state;
         }
-        let (w, bands) = (self.wavelengths, self.bands());
+        let w = self.wavelengths;
         for (point, state) in self.points.iter().zip(&mut state) {
             let mut signed = vec![0.0; w];
             let mut strength = vec![0.0; w];
-            for (link, l) in point.links.iter().zip(state.chunks(bands)) {
+            for (link, l) in point.links.iter().zip(state.chunks(w)) {
                 let q = f64::from(point.q_in[link.member as usize]);
-                for c in 0..w {
-                    signed[c] += q * f64::from(l[c / BAND][c % BAND]);
-                    strength[c] += q * f64::from(l[c / BAND][c % BAND]).abs();
+                for (c, &l) in l.iter().enumerate() {
+                    signed[c] += q * f64::from(l);
+                    strength[c] += q * f64::from(l).abs();
                 }
             }
             if strength.iter().all(|&e| e < least) {
@@ -209,7 +215,7 @@ impl SpecularSet {
                 for c in 0..w {
                     cut_off[c] += area * signed[c];
                 }
-                state.fill([0.0; BAND]);
+                state.fill(0.0);
             }
         }
         state
@@ -222,15 +228,27 @@ struct Pending {
     signed: Vec<f64>,
 }
 
-/// `[W][N]` to `[N][bands]`.
-fn interleave(radiance: &[f32], n: usize, w: usize, bands: usize) -> Vec<Band> {
-    let mut by_point = vec![[0.0; BAND]; n * bands];
-    for k in 0..w {
-        for i in 0..n {
-            by_point[i * bands + k / BAND][k % BAND] = radiance[k * n + i];
-        }
+/// What some specular points deliver.
+#[derive(Default)]
+struct Delivered {
+    /// Irradiance, `[N][W]`.
+    sums: Vec<f64>,
+    entered: Vec<f64>,
+    left: Vec<f64>,
+    escaped: Vec<f64>,
+    medium: Vec<f64>,
+}
+
+impl Delivered {
+    /// What entered and left specular points, escaped, and was absorbed on the way.
+    fn flows(&mut self) -> [&mut Vec<f64>; 4] {
+        [&mut self.entered, &mut self.left, &mut self.escaped, &mut self.medium]
     }
-    by_point
+}
+
+/// `[W][N]` to `[N][W]`.
+fn interleave(radiance: &[f32], n: usize, w: usize) -> Vec<f32> {
+    (0..n * w).map(|at| radiance[at % w * n + at / w]).collect()
 }
 
 /// Largest of `part / whole` over the wavelengths; 0 where the whole is.

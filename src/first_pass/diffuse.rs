@@ -6,8 +6,9 @@ use super::form_factor::{plain, plane_distances};
 use super::layout::Layout;
 use super::lobe_table::BAND;
 use super::near::Corrections;
-use super::schedule::Schedule;
-use super::settings::Kernel;
+use super::pair_kernel::{Find, Kept, Sight, bytes};
+use super::schedule::{Pair, Schedule};
+use super::settings::{FirstPassSettings, Kernel};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::Geometry;
@@ -32,6 +33,8 @@ pub struct DiffuseOperator<'a> {
     pub(super) tolerance: f32,
     layout: Layout,
     schedule: Schedule,
+    /// By task, in the order of the rounds.
+    kept: Vec<Option<Kept>>,
     corrections: Corrections,
     row_sums: Vec<f32>,
     /// (voxel, first row, one past the last row), rows as point indices.
@@ -45,6 +48,18 @@ impl<'a> DiffuseOperator<'a> {
         points: &'a SamplePoints,
         graph: &'a VisibilityGraph,
         kernel: Kernel,
+        observer: &dyn Observer,
+    ) -> Self {
+        let kept_bytes = FirstPassSettings::default().kept_bytes;
+        Self::keeping(geometry, points, graph, (kernel, kept_bytes), observer)
+    }
+
+    /// The same, where about so many bytes are kept of the plain kernel.
+    pub fn keeping(
+        geometry: &Geometry,
+        points: &'a SamplePoints,
+        graph: &'a VisibilityGraph,
+        (kernel, kept_bytes): (Kernel, u64),
         observer: &dyn Observer,
     ) -> Self {
         let tasks = (0..points.voxels())
@@ -65,6 +80,7 @@ impl<'a> DiffuseOperator<'a> {
             tolerance,
             schedule: Schedule::new(&layout, graph, tolerance / layout.unit),
             layout,
+            kept: Vec::new(),
             corrections: Corrections::default(),
             row_sums: Vec::new(),
             tasks,
@@ -72,10 +88,33 @@ impl<'a> DiffuseOperator<'a> {
         if kernel == Kernel::Analytic {
             operator.corrections = Corrections::new(geometry, &operator, &runs, observer);
         }
+        operator.keep_kernels(kept_bytes);
         let ones = vec![1.0; points.len()];
         operator.row_sums = operator.irradiance(&ones, |_| true);
         operator.row_sums.iter_mut().for_each(|q| *q /= std::f32::consts::PI);
         operator
+    }
+
+    /// What patches see.
+    fn sight(&self) -> Sight<'_> {
+        Sight { layout: &self.layout, graph: self.graph, tolerance: self.tolerance / self.layout.unit }
+    }
+
+    /// Keeps the plain kernel of as many tasks, in their order, as there is room for.
+    fn keep_kernels(&mut self, most_bytes: u64) {
+        let Schedule { rounds, pairs, .. } = &self.schedule;
+        let mut left = most_bytes;
+        let chosen: Vec<Option<&[Pair]>> = (rounds.iter().flatten())
+            .map(|(_, _, of)| {
+                let pairs = &pairs[of.clone()];
+                let bytes = pairs.iter().map(|pair| bytes(&self.layout, pair)).sum::<u64>();
+                left = left.saturating_sub(bytes);
+                (left > 0).then_some(pairs)
+            })
+            .collect();
+        let sight = self.sight();
+        let find = |pairs: &Option<&[Pair]>| pairs.map(|pairs| wide(Find { sight, pairs }));
+        self.kept = chosen.par_iter().map(find).collect();
     }
 
     /// Σ_j h_ij F_ij of every point: 1 in a closed scene, less where light can escape.
@@ -172,7 +211,10 @@ impl<'a> DiffuseOperator<'a> {
         };
         let mut sums: Vec<Vec<[f64; BAND]>> =
             (0..self.schedule.groups.len()).map(|g| vec![[0.0; BAND]; points(g).len() * bands]).collect();
+        let mut kept = &self.kept[..];
         for round in &self.schedule.rounds {
+            let (of_round, others) = kept.split_at(round.len());
+            kept = others;
             // No group is in two tasks of a round, so each takes along the sums that it adds to.
             let mut tasks: Vec<_> = round
                 .iter()
@@ -181,15 +223,14 @@ impl<'a> DiffuseOperator<'a> {
                     (*i, *j, pairs.clone(), first, std::mem::take(&mut sums[*j]))
                 })
                 .collect();
-            tasks.par_iter_mut().for_each(|(i, j, pairs, first, second)| {
+            tasks.par_iter_mut().zip(of_round).for_each(|((i, j, pairs, first, second), kept)| {
                 let (rows, columns) = (points(*i), lanes(*j));
                 let mut towards: Vec<BandLanes> = vec![[[0.0; LANES]; BAND]; rows.len() * bands];
                 let mut back: Vec<BandLanes> = vec![[[0.0; LANES]; BAND]; columns.len() * bands];
                 wide(Exchange {
-                    layout: &self.layout,
-                    graph: self.graph,
-                    tolerance: self.tolerance / self.layout.unit,
+                    sight: self.sight(),
                     pairs: &self.schedule.pairs[pairs.clone()],
+                    kept: kept.as_ref(),
                     power,
                     origin: (rows.start, columns.start),
                     first: &mut towards,

@@ -3,6 +3,7 @@
 
 use crate::error::Result;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Vectors kept before a restart.
 const RESTART: usize = 30;
@@ -15,8 +16,8 @@ pub struct Outcome {
     pub residual: Vec<f32>,
     /// Applications of the operator.
     pub steps: usize,
-    /// Norm of the residual by wavelength.
-    pub norm: Vec<f64>,
+    /// Size of the residual by wavelength.
+    pub left: Vec<f64>,
     /// How much of each step's z is in x: `[steps][W]`.
     pub shares: Vec<Vec<f64>>,
 }
@@ -28,12 +29,14 @@ struct Small {
     rotations: Vec<(f64, f64)>,
     /// Right-hand side, rotated along.
     g: Vec<f64>,
+    /// [`size`] of the residual.
+    left: f64,
     done: bool,
 }
 
 impl Small {
-    /// Takes the next column of the Hessenberg matrix; returns the norm of the residual.
-    fn push(&mut self, mut h: Vec<f64>) -> f64 {
+    /// Takes the next column of the Hessenberg matrix.
+    fn push(&mut self, mut h: Vec<f64>) {
         for (i, &(c, s)) in self.rotations.iter().enumerate() {
             (h[i], h[i + 1]) = (c * h[i] + s * h[i + 1], c * h[i + 1] - s * h[i]);
         }
@@ -47,12 +50,6 @@ impl Small {
         let g = self.g[j];
         self.g[j] = c * g;
         self.g.push(-s * g);
-        self.left()
-    }
-
-    /// Norm of the residual.
-    fn left(&self) -> f64 {
-        self.g.last().copied().unwrap_or_default().abs()
     }
 
     /// Coefficients of the z vectors.
@@ -67,15 +64,22 @@ impl Small {
         y
     }
 
-    /// Coefficients of the residual in the orthonormal basis: the rotations undone on its last entry.
-    fn residual(&self) -> Vec<f64> {
+    /// The residual at the points of `plane`, given the orthonormal basis, whose newest vector comes apart.
+    fn residual(&self, plane: Range<usize>, basis: &[Vec<f32>], newest: &[f32]) -> Vec<f64> {
+        // The rotations undone on the last entry give its coefficients.
         let m = self.columns.len();
-        let mut r = vec![0.0; m + 1];
-        r[m] = self.g[m];
+        let mut coefficients = vec![0.0; m + 1];
+        coefficients[m] = self.g[m];
         for (i, &(c, s)) in self.rotations.iter().enumerate().rev() {
-            (r[i], r[i + 1]) = (c * r[i] - s * r[i + 1], s * r[i] + c * r[i + 1]);
+            let (a, b) = (coefficients[i], coefficients[i + 1]);
+            (coefficients[i], coefficients[i + 1]) = (c * a - s * b, s * a + c * b);
         }
-        r
+        let mut residual = vec![0.0; plane.len()];
+        let vectors = basis.iter().map(|v| &v[plane.clone()]).take(m).chain([newest]);
+        for (coefficient, vector) in coefficients.iter().zip(vectors) {
+            residual.iter_mut().zip(vector).for_each(|(r, &v)| *r += coefficient * f64::from(v));
+        }
+        residual
     }
 }
 
@@ -94,43 +98,51 @@ pub(super) fn inner(area: &[f32], a: &[f32], b: &[f32]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// Solves A x = b, `[W][N]`, in the norm that weighs points by `area` (or any weight), until the residual of
+/// Σ root(area weight) |r|: where all weights are areas, flux; where rooms weigh more, each room's beside its own.
+fn size((area, weight): (&[f32], &[f32]), r: impl Iterator<Item = f64>) -> f64 {
+    let root = |(a, w): (&f32, &f32)| (f64::from(*a) * f64::from(*w)).sqrt();
+    area.iter().zip(weight).map(root).zip(r).map(|(root, r)| root * r.abs()).sum()
+}
+
+/// Solves A x = b, `[W][N]`, in the norm that weighs points by `weight`, until the [`size`] of the residual of
 /// wavelength k is at most `goal[k]` or `limit` steps are done. `step(v, excess)` returns (z, A z) where z
 /// is v or something nearer to A⁻¹ v; `excess` is the largest residual yet over its goal.
 pub fn solve(
     b: &[f32],
-    area: &[f32],
+    (area, weight): (&[f32], &[f32]),
     goal: &[f64],
     limit: usize,
     mut step: impl FnMut(&[f32], f64) -> Result<(Vec<f32>, Vec<f32>)>,
 ) -> Result<Outcome> {
-    let (n, w) = (area.len(), goal.len());
+    let (n, w) = (weight.len(), goal.len());
     let mut outcome = Outcome {
         x: vec![0.0; n * w],
         residual: b.to_vec(),
         steps: 0,
-        norm: vec![0.0; w],
+        left: vec![0.0; w],
         shares: Vec::new(),
     };
     loop {
-        let norm = |k: usize| inner(area, &outcome.residual[k * n..][..n], &outcome.residual[k * n..][..n]);
-        outcome.norm = (0..w).map(|k| norm(k).sqrt()).collect();
-        let open = |k: usize| outcome.norm[k] > goal[k];
+        let residual = |k: usize| &outcome.residual[k * n..(k + 1) * n];
+        let norm: Vec<f64> = (0..w).map(|k| inner(weight, residual(k), residual(k)).sqrt()).collect();
+        let left = |k: usize| size((area, weight), residual(k).iter().map(|&r| f64::from(r)));
+        outcome.left = (0..w).map(left).collect();
+        let open = |k: usize| outcome.left[k] > goal[k];
         if outcome.steps >= limit || !(0..w).any(open) {
             return Ok(outcome);
         }
         let mut small: Vec<Small> = (0..w)
-            .map(|k| Small { g: vec![outcome.norm[k]], done: !open(k), ..Default::default() })
+            .map(|k| Small { g: vec![norm[k]], done: !open(k), left: outcome.left[k], ..Default::default() })
             .collect();
         let mut v = outcome.residual.clone();
         v.par_chunks_mut(n).enumerate().for_each(|(k, v)| {
-            let scale = if small[k].done { 0.0 } else { 1.0 / outcome.norm[k] };
+            let scale = if small[k].done { 0.0 } else { 1.0 / norm[k] };
             v.iter_mut().for_each(|v| *v = (f64::from(*v) * scale) as f32);
         });
         let (mut basis, mut search) = (vec![v], Vec::new());
         while basis.len() <= RESTART && outcome.steps < limit && small.iter().any(|s| !s.done) {
             let excess = small.iter().zip(goal).filter(|(s, _)| !s.done);
-            let excess = excess.map(|(s, goal)| s.left() / goal).fold(1.0, f64::max);
+            let excess = excess.map(|(s, goal)| s.left / goal).fold(1.0, f64::max);
             let (z, mut next) = step(&basis[basis.len() - 1], excess)?;
             outcome.steps += 1;
             search.push(z);
@@ -144,19 +156,22 @@ pub fn solve(
                 for _ in 0..2 {
                     for (h, v) in h.iter_mut().zip(&basis) {
                         let v = &v[k * n..(k + 1) * n];
-                        let along = inner(area, next, v);
+                        let along = inner(weight, next, v);
                         *h += along;
                         next.iter_mut().zip(v).for_each(|(x, &v)| *x -= (along * f64::from(v)) as f32);
                     }
                 }
-                let length = inner(area, next, next).sqrt();
+                let length = inner(weight, next, next).sqrt();
                 let old = h.iter().map(|h| h * h).sum::<f64>().sqrt();
                 h[basis.len()] = length;
                 let exhausted = length <= 1e-7 * old;
                 let scale = if exhausted { 0.0 } else { 1.0 / length };
                 next.iter_mut().for_each(|x| *x = (f64::from(*x) * scale) as f32);
-                let residual = small.push(h);
-                small.done = exhausted || residual <= goal[k];
+                small.push(h);
+                small.left =
+                    size((area, weight), small.residual(k * n..(k + 1) * n, &basis, next).into_iter());
+                // What is not a number stays so.
+                small.done = exhausted || small.left <= goal[k] || !small.left.is_finite();
             });
             basis.push(next);
         }
@@ -164,21 +179,20 @@ pub fn solve(
         outcome.shares.resize(first + search.len(), vec![0.0; w]);
         for (k, small) in small.iter().enumerate() {
             let y = small.solve();
+            let plane = k * n..(k + 1) * n;
             for (j, &y) in y.iter().enumerate() {
                 outcome.shares[first + j][k] = y;
-                let plane = k * n..(k + 1) * n;
-                for (x, z) in outcome.x[plane.clone()].iter_mut().zip(&search[j][plane]) {
+                for (x, z) in outcome.x[plane.clone()].iter_mut().zip(&search[j][plane.clone()]) {
                     *x += (y * f64::from(*z)) as f32;
                 }
             }
             if small.columns.is_empty() {
                 continue;
             }
-            let r = small.residual();
-            for i in k * n..(k + 1) * n {
-                outcome.residual[i] =
-                    r.iter().zip(&basis).map(|(&r, v)| r * f64::from(v[i])).sum::<f64>() as f32;
-            }
+            let last = small.columns.len();
+            let residual = small.residual(plane.clone(), &basis[..last], &basis[last][plane.clone()]);
+            let residual = residual.iter().map(|&r| r as f32);
+            outcome.residual[plane].iter_mut().zip(residual).for_each(|(old, r)| *old = r);
         }
         if small.iter().all(|s| s.columns.is_empty()) {
             return Ok(outcome);

@@ -5,7 +5,7 @@ use super::linked::LinkedOperator;
 use super::rooms::{linked_rooms, weights};
 use super::settings::{FirstPassSettings, Solver};
 use super::stats::{self, FirstPassStats, FluxBalance, Range, over_area};
-use super::system::unfinished;
+use super::system::{MARGIN, unfinished};
 use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, gmres, refuse_endless};
 use crate::error::{Error, Result};
 use crate::observer::Observer;
@@ -197,21 +197,20 @@ impl<'a> LinkedRelighter<'a> {
         let (n, w) = (points.len(), light.emitted.len());
         let mut sources = light.emission.clone();
         sources.iter_mut().zip(reflected(&light.reflectance, &light.lights)).for_each(|(l, r)| *l += r);
-        let area = over_area(points, |_| 1.0);
-        let goals: Vec<f64> =
-            light.emitted.iter().map(|f| settings.tolerance * f / (PI * area.sqrt())).collect();
+        let goals: Vec<f64> = light.emitted.iter().map(|f| MARGIN * settings.tolerance * f / PI).collect();
         let reflects: Vec<bool> =
             (0..n).map(|i| (0..w).any(|k| light.reflectance[k * n + i] > 0.0)).collect();
         let weights = weights(points, &self.room, &sources);
+        let measure = (&points.area[..], &weights[..]);
         let mut sweeps = 0.0;
-        let outcome = gmres::solve(&sources, &weights, &goals, settings.max_sweeps as usize, |v, excess| {
+        let outcome = gmres::solve(&sources, measure, &goals, settings.max_sweeps as usize, |v, excess| {
             sweeps += 1.0;
             progress(excess);
             let irradiance = self.diffuse.irradiance(v, |i| reflects[i]);
             let back = reflected(&light.reflectance, &irradiance);
             Ok((v.to_vec(), v.iter().zip(back).map(|(v, b)| v - b).collect()))
         })?;
-        if outcome.norm.iter().zip(&goals).any(|(norm, goal)| norm > goal || !norm.is_finite()) {
+        if outcome.left.iter().zip(&goals).any(|(left, goal)| left > goal || !left.is_finite()) {
             return Err(unfinished(settings));
         }
         Ok((outcome.x, sweeps))

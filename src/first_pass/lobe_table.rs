@@ -47,13 +47,18 @@ impl LobeTable {
         hasher.finish()
     }
 
-    /// The entry before each cosine, and how far each is towards the next.
+    /// The entry before each `x`, 1 less the root of a cosine, and how far it is towards the next (up to 1).
     #[inline(always)]
-    pub fn slots(&self, cosine: &Lanes) -> ([i32; LANES], Lanes) {
+    pub fn slots(&self, x: &Lanes) -> ([i32; LANES], Lanes) {
         let (mut slot, mut f) = ([0; LANES], [0.0; LANES]);
+        let last = self.last as f32;
         for l in 0..LANES {
-            let x = (1.0 - cosine[l].clamp(0.0, 1.0).sqrt()) * self.last as f32;
-            slot[l] = (x as i32).min(self.last as i32 - 1);
+            let x = x[l] * last;
+            let before = x - 0.5;
+            let before = if before > 0.0 { before } else { 0.0 };
+            let before = if before < last - 1.0 { before } else { last - 1.0 };
+            // Beyond 2^23 numbers are whole, and the last bits are their last digits.
+            slot[l] = ((before + 8_388_608.0).to_bits() & 0x7f_ffff) as i32;
             f[l] = x - slot[l] as f32;
         }
         (slot, f)
@@ -65,21 +70,20 @@ impl LobeTable {
         &self.values[slot as usize * self.bands + band]
     }
 
-    /// The values at some cosines for the first wavelength.
+    /// The entry before `x`, 1 less the root of a cosine, and how far it is towards the next.
     #[inline(always)]
-    pub fn first(&self, cosine: &Lanes) -> Lanes {
-        let (slot, f) = self.slots(cosine);
-        std::array::from_fn(|lane| {
-            let (here, step) = self.entry(slot[lane], 0);
-            here[0] + f[lane] * step[0]
-        })
+    pub fn slot(&self, x: f32) -> (i32, f32) {
+        let x = x * self.last as f32;
+        let slot = (x as i32).min(self.last as i32 - 1);
+        (slot, x - slot as f32)
     }
 
     /// The values at a cosine of a band of wavelengths.
     pub fn band(&self, cosine: f32, band: usize) -> Band {
-        let (slot, f) = self.slots(&[cosine; LANES]);
-        let (here, step) = self.entry(slot[0], band);
-        std::array::from_fn(|c| here[c] + f[0] * step[c])
+        let x = (1.0 - cosine.clamp(0.0, 1.0).sqrt()) * self.last as f32;
+        let slot = (x as i32).min(self.last as i32 - 1);
+        let (here, step) = self.entry(slot, band);
+        std::array::from_fn(|c| here[c] + (x - slot as f32) * step[c])
     }
 
     /// The value at a cosine for wavelength `k`.

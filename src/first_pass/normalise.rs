@@ -8,130 +8,24 @@
 
 use super::directions::{Directions, LANES, Lanes};
 use super::lobe_table::LobeTable;
+use super::rows::Rows;
 use super::scaling::{Problem, lower};
 use crate::material::AlbedoTable;
-use crate::simd::{HotLoop, wide};
 
-/// Groups of lanes kept for one lobe at most (72 MB); rows beyond are recomputed in each round.
-const KEPT: usize = 2 << 20;
-
-/// Group of lanes and B there, where it is not 0.
-type Entry = (u32, Lanes);
-
-/// B between two sets of directions, by rows, as far as it is kept. It does not depend on weights and scales.
-pub struct Rows<'a> {
-    /// What B is multiplied by (at the first wavelength), if by anything.
-    table: Option<&'a LobeTable>,
-    /// The first rows, one after the other.
-    kept: Vec<Entry>,
-    /// Where each ends.
-    ends: Vec<usize>,
-}
-
-impl<'a> Rows<'a> {
-    /// Computes rows until about `most` entries are kept.
-    pub fn new(from: &Directions, to: &Directions, table: Option<&'a LobeTable>, most: usize) -> Self {
-        wide(Keep { from, to, table, most })
-    }
-
-    /// Σ_k B(l, k) q_k u_k over the members of `to`, for every member l of `from`.
-    pub fn sums(&self, from: &Directions, to: &Directions) -> Vec<f32> {
-        wide(Sums { rows: self, from, to, x: &weighted(to, None) })
-    }
-
-    /// u_l Σ_k B(l, k) q_k u_k x_k over the members of `to`, for every member l of `from`.
-    fn product(&self, from: &Directions, to: &Directions, x: &[f32]) -> Vec<f32> {
-        let mut sums = wide(Sums { rows: self, from, to, x: &weighted(to, Some(x)) });
-        sums.iter_mut().enumerate().for_each(|(l, sum)| *sum *= from.scale_of(l));
-        sums
-    }
-}
-
-/// Appends B(l, ·) to `row`.
-#[inline(always)]
-fn append(from: &Directions, to: &Directions, table: Option<&LobeTable>, l: usize, row: &mut Vec<Entry>) {
-    let a = from.get(l);
-    if a.to[2] > 0.0 {
-        for g in to.reach(a, 0..to.groups()) {
-            if let Some((mut b, cosine)) = to.lobe(&a, g) {
-                if let Some(table) = table {
-                    let factor = table.first(&cosine);
-                    (0..LANES).for_each(|lane| b[lane] *= factor[lane]);
-                }
-                row.push((g as u32, b));
-            }
-        }
-    }
-}
-
-/// [`Rows::new`].
-struct Keep<'a, 'b> {
-    from: &'b Directions,
-    to: &'b Directions,
-    table: Option<&'a LobeTable>,
-    most: usize,
-}
-
-impl<'a> HotLoop for Keep<'a, '_> {
-    type Output = Rows<'a>;
-
-    #[inline(always)]
-    fn run(self) -> Rows<'a> {
-        let (mut kept, mut ends) = (Vec::new(), Vec::new());
-        while kept.len() < self.most && ends.len() < self.from.len {
-            append(self.from, self.to, self.table, ends.len(), &mut kept);
-            ends.push(kept.len());
-        }
-        Rows { table: self.table, kept, ends }
-    }
-}
-
-/// [`Rows::sums`].
-struct Sums<'a> {
-    rows: &'a Rows<'a>,
-    from: &'a Directions,
-    to: &'a Directions,
-    /// q u x of every member of `to`.
-    x: &'a [Lanes],
-}
-
-impl HotLoop for Sums<'_> {
-    type Output = Vec<f32>;
-
-    #[inline(always)]
-    fn run(self) -> Vec<f32> {
-        let Sums { rows, from, to, x } = self;
-        let mut sums = Vec::with_capacity(from.len);
-        let mut start = 0;
-        for &end in &rows.ends {
-            sums.push(dot(&rows.kept[start..end], x));
-            start = end;
-        }
-        let mut row = Vec::new();
-        for l in rows.ends.len()..from.len {
-            row.clear();
-            append(from, to, rows.table, l, &mut row);
-            sums.push(dot(&row, x));
-        }
-        sums
-    }
-}
-
-/// Σ_k B(l, k) x_k.
-#[inline(always)]
-fn dot(row: &[Entry], x: &[Lanes]) -> f32 {
-    let mut sum = [0.0; LANES];
-    for (g, b) in row {
-        let x = &x[*g as usize];
-        for lane in 0..LANES {
-            sum[lane] += b[lane] * x[lane];
-        }
-    }
-    sum.iter().sum()
+/// u_l Σ_k B(l, k) q_k u_k x_k over the members of `to`, for every member l of `from`; B times `table` if there is one.
+fn product(
+    rows: &Rows,
+    (from, to): (&Directions, &Directions),
+    table: Option<&LobeTable>,
+    x: &[f32],
+) -> Vec<f32> {
+    let mut sums = rows.product(from, to, table, &weighted(to, Some(x)));
+    sums.iter_mut().enumerate().for_each(|(l, sum)| *sum *= from.scale_of(l));
+    sums
 }
 
 /// Weight times scale of every direction, times `x`.
-fn weighted(directions: &Directions, x: Option<&[f32]>) -> Vec<Lanes> {
+pub(super) fn weighted(directions: &Directions, x: Option<&[f32]>) -> Vec<Lanes> {
     let mut product: Vec<Lanes> = (directions.weight.iter().zip(&directions.scale))
         .map(|(w, u)| std::array::from_fn(|lane| w[lane] * u[lane]))
         .collect();
@@ -166,14 +60,13 @@ fn spread(directions: &mut Directions, lacks: &[f32]) {
         if root > 0.0 { lacks.iter().map(|lacks| lacks / root).collect() } else { Vec::new() };
 }
 
-/// Scales the reflection lobe of one point to the directional `albedo`. Returns the (mean, largest)
+/// Scales the reflection lobe of one point, given its `rows`, to the directional `albedo`. Returns the (mean, largest)
 /// share of the light that balancing did not place in its lobe.
-pub fn normalise_reflection(directions: &mut Directions, albedo: &AlbedoTable) -> (f64, f64) {
-    let rows = Rows::new(directions, directions, None, KEPT);
+pub fn normalise_reflection(directions: &mut Directions, rows: &Rows, albedo: &AlbedoTable) -> (f64, f64) {
     let measure: Vec<f32> = weights(directions).collect();
     let target: Vec<f32> = cosines(directions).map(|z| albedo.eval(z)).collect();
     let problem = Problem {
-        product: |x: &[f32]| rows.product(directions, directions, x),
+        product: |x: &[f32]| product(rows, (directions, directions), None, x),
         measure: &measure,
         target: &target,
     };
@@ -189,8 +82,12 @@ pub fn normalise_reflection(directions: &mut Directions, albedo: &AlbedoTable) -
 pub struct Face<'a> {
     /// Of reflection.
     pub reflection: &'a mut Directions,
+    /// Its rows.
+    pub rows: &'a Rows,
     /// Of transmission.
     pub transmission: &'a mut Directions,
+    /// The rows of what goes from here to the other face.
+    pub through: &'a Rows,
     /// F
     pub reflect: &'a LobeTable,
 }
@@ -212,32 +109,34 @@ pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -
     back.transmission.weight.iter_mut().flatten().for_each(|w| *w *= gain);
 
     let (outside, inside) = (front.reflection.len, back.reflection.len);
-    let forth = Rows::new(front.transmission, back.transmission, Some(transmit), KEPT);
-    let backwards = Rows::new(back.transmission, front.transmission, Some(transmit), KEPT);
-    let transmitted = |x: &[f32]| {
-        let mut sums = forth.product(front.transmission, back.transmission, &x[outside..]);
-        sums.extend(backwards.product(back.transmission, front.transmission, &x[..outside]));
+    let (front_rows, back_rows) = ([front.rows, front.through], [back.rows, back.through]);
+    let transmitted = |front: &Directions, back: &Directions, x: &[f32]| {
+        let mut sums = product(front_rows[1], (front, back), Some(transmit), &x[outside..]);
+        sums.extend(product(back_rows[1], (back, front), Some(transmit), &x[..outside]));
         sums
     };
     let measure: Vec<f32> = weights(front.transmission).chain(weights(back.transmission)).collect();
-    let factors = Problem { product: transmitted, measure: &measure, target: &target.concat() }.solve();
+    let factors = Problem {
+        product: |x: &[f32]| transmitted(front.transmission, back.transmission, x),
+        measure: &measure,
+        target: &target.concat(),
+    }
+    .solve();
     rescale(front.transmission, &factors[..outside]);
     rescale(back.transmission, &factors[outside..]);
 
     // Fresnel's shares alone do not sum to 1, for elements reflect and refract light a little differently. Both together
     // are balanced once more, those beyond the critical angle as well.
-    let (near, far) = (
-        Rows::new(front.reflection, front.reflection, Some(front.reflect), KEPT),
-        Rows::new(back.reflection, back.reflection, Some(back.reflect), KEPT),
-    );
     let measure: Vec<f32> =
         (weights(front.reflection)).chain(weights(back.reflection).map(|q| q * n2 * gain)).collect();
     let problem = Problem {
         product: |x: &[f32]| {
-            let mut sums = forth.product(front.transmission, back.transmission, &x[outside..]);
-            sums.extend(backwards.product(back.transmission, front.transmission, &x[..outside]));
-            let mut reflected = near.product(front.reflection, front.reflection, &x[..outside]);
-            reflected.extend(far.product(back.reflection, back.reflection, &x[outside..]));
+            let mut sums = transmitted(front.transmission, back.transmission, x);
+            let face = |face: &Face, rows: &Rows, x: &[f32]| {
+                product(rows, (face.reflection, face.reflection), Some(face.reflect), x)
+            };
+            let mut reflected = face(&front, front_rows[0], &x[..outside]);
+            reflected.extend(face(&back, back_rows[0], &x[outside..]));
             sums.iter_mut().zip(reflected).for_each(|(sum, more)| *sum += more);
             sums
         },
@@ -258,9 +157,11 @@ pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -
 mod tests {
     use super::super::directions::{Direction, Origin, tile_order};
     use super::super::lobe;
-    use super::super::scatter::{Lobe, reflect};
+    use super::super::rows::Pass;
+    use super::super::scatter::spread;
     use super::*;
     use crate::material::FresnelTable;
+    use crate::simd::wide;
     use std::f32::consts::{PI, TAU};
 
     /// A hemisphere of `rings` rings of equal projected solid angle, seen from an element of a tenth of their distance.
@@ -293,16 +194,29 @@ mod tests {
             for rings in [6, 20] {
                 let albedo = AlbedoTable::new(f64::from(m));
                 let mut members = hemisphere(m, rings);
-                let (mean, largest) = normalise_reflection(&mut members, &albedo);
+                let rows = Rows::new(&members, &members, true, 3000);
+                let (mean, largest) = normalise_reflection(&mut members, &rows, &albedo);
                 println!("m {m}, {rings} rings: {mean:.1e} of the light is spread, {largest:.1e} at most");
                 assert!(mean < 3e-4 && largest < 1e-3, "m {m}: {mean} {largest}");
-                let from: Vec<u32> = (0..members.len as u32).collect();
-                let light: Vec<[f32; 4]> = weights(&members).map(|q| [q, 0.0, 0.0, 0.0]).collect();
-                let mut radiance = vec![[0.0; 4]; members.groups() * LANES];
-                let groups = members.groups();
-                reflect(&members, (&from, &light), groups, Lobe { table: &table, bands: 1 }, &mut radiance);
-                for (z, l) in cosines(&members).zip(&radiance) {
-                    assert!((l[0] - albedo.eval(z)).abs() < 2e-5, "m {m}: {} for {}", l[0], albedo.eval(z));
+                let light: Vec<Lanes> = weighted(&members, None);
+                let mut radiance = vec![[0.0; LANES]; members.groups()];
+                wide(Pass {
+                    rows: &rows,
+                    table: &table,
+                    from: &members,
+                    to: &members,
+                    count: members.len,
+                    groups: members.groups(),
+                    w: 1,
+                    light: &light,
+                    out: &mut radiance,
+                });
+                for (radiance, u) in radiance.iter_mut().zip(&members.scale) {
+                    (0..LANES).for_each(|lane| radiance[lane] *= u[lane]);
+                }
+                spread(&members, &table, 1, &members.weight, &mut radiance);
+                for (z, l) in cosines(&members).zip(radiance.iter().flatten()) {
+                    assert!((l - albedo.eval(z)).abs() < 2e-5, "m {m}: {l} for {}", albedo.eval(z));
                 }
             }
         }

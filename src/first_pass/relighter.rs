@@ -1,11 +1,9 @@
 //! One scene under one appearance after another.
 
 use super::diffuse::DiffuseOperator;
-use super::rooms::Rooms;
 use super::settings::{FirstPassSettings, Solver};
-use super::specular::SpecularSet;
 use super::stats::{self, FirstPassStats, Range};
-use super::system::System;
+use super::system::{Kept, System};
 use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, refuse_endless, visibility_calls};
 use crate::error::{Error, Result};
 use crate::observer::Observer;
@@ -27,8 +25,7 @@ pub struct Relighter<'a> {
     diffuse: DiffuseOperator<'a>,
     /// [`stats::reciprocity_error`].
     reciprocity: (f64, f64),
-    rooms: Option<Rooms>,
-    specular: Option<SpecularSet>,
+    kept: Kept,
     /// Time spent on what is kept and not yet reported, s.
     pending_s: f64,
     /// How often light has been found.
@@ -53,7 +50,13 @@ impl<'a> Relighter<'a> {
             return Err(Error::Settings(message.into()));
         }
         let clock = Instant::now();
-        let diffuse = DiffuseOperator::new(geometry, points, graph, settings.kernel, observer);
+        let diffuse = DiffuseOperator::keeping(
+            geometry,
+            points,
+            graph,
+            (settings.kernel, settings.kept_bytes),
+            observer,
+        );
         Ok(Relighter {
             geometry,
             points,
@@ -61,8 +64,7 @@ impl<'a> Relighter<'a> {
             settings: *settings,
             reciprocity: stats::reciprocity_error(points, &diffuse),
             diffuse,
-            rooms: None,
-            specular: None,
+            kept: Kept::default(),
             pending_s: clock.elapsed().as_secs_f64(),
             runs: 0,
         })
@@ -81,7 +83,7 @@ impl<'a> Relighter<'a> {
         let (geometry, points, settings) = (self.geometry, self.points, &self.settings);
         check_appearance(geometry, self.graph.knows_lights(geometry), appearance)?;
         let clock = Instant::now();
-        let kept = (self.rooms.take(), self.specular.take());
+        let kept = std::mem::take(&mut self.kept);
         let system = System::with(geometry, &self.diffuse, appearance, settings, kept, observer);
         let setup_s = clock.elapsed().as_secs_f64() + std::mem::take(&mut self.pending_s);
         let clock = Instant::now();
@@ -164,8 +166,8 @@ impl<'a> Relighter<'a> {
             }
         });
         self.runs += 1;
-        (self.rooms, self.specular) = (Some(system.rooms), Some(system.specular));
         let (wavelengths, radiance) = (appearance.wavelengths.clone(), by_point(&radiance));
+        self.kept = system.keep();
         Ok(DiffuseSolution { wavelengths, radiance, parts, stats })
     }
 

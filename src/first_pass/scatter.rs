@@ -1,8 +1,8 @@
-//! The innermost loops of the specular chains: radiance from many members through one lobe to many.
+//! Light through lobes that are not kept: from a few directions to many, and what is spread besides.
 
-use super::directions::{Directions, LANES};
+use super::directions::{Directions, LANES, Lanes};
 use super::lobe_table::{BAND, Band, LobeTable};
-use crate::simd::{HotLoop, wide};
+use crate::simd::HotLoop;
 use glam::Vec4;
 
 /// What one kind of scattering does.
@@ -48,7 +48,7 @@ impl HotLoop for Scatter<'_> {
             }
             for g in to.reach(a, 0..groups) {
                 let Some((b, cosine)) = to.lobe(&a, g) else { continue };
-                let (slot, f) = table.slots(&cosine);
+                let (slot, f) = table.slots(&cosine.map(|c| 1.0 - c.clamp(0.0, 1.0).sqrt()));
                 let scale = &to.scale[g];
                 let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
                 // Lanes outside the cone have weight 0: adding that costs less than asking.
@@ -67,36 +67,27 @@ impl HotLoop for Scatter<'_> {
     }
 }
 
-/// [`Scatter`] within one set of directions, and what their lobes lack. The lobe is the same both ways, so when most
-/// members send light to all others each pair is computed once for both.
-pub fn reflect(members: &Directions, sources: Sources, groups: usize, lobe: Lobe, radiance: &mut [Band]) {
-    if !members.spread.is_empty() {
-        spread(members, sources, lobe, radiance);
-    }
-    if 2 * sources.0.len() < members.len || groups < members.groups() {
-        wide(Scatter { from: members, sources, to: members, groups, lobe, radiance });
+/// Adds h_k Σ_l h_l light_l to the radiance towards every k in the first groups; light and radiance `[groups][W]`.
+pub fn spread(members: &Directions, table: &LobeTable, w: usize, light: &[Lanes], radiance: &mut [Lanes]) {
+    if members.spread.is_empty() {
         return;
     }
-    let mut light = vec![[0.0; 4]; radiance.len()];
-    for (&member, source) in sources.0.iter().zip(sources.1.chunks(lobe.bands)) {
-        light[member as usize * lobe.bands..][..lobe.bands].copy_from_slice(source);
-    }
-    wide(Exchange { members, light: &light, lobe, radiance });
-}
-
-/// Adds h_k Σ_l h_l q_l L_l to the radiance towards every k.
-fn spread(members: &Directions, (from, values): Sources, lobe: Lobe, radiance: &mut [Band]) {
-    let Lobe { table, bands } = lobe;
-    let end = |k: usize, band: usize| members.spread[k] * Vec4::from(spread_factor(members, k, table, band));
-    let mut sum = vec![Vec4::ZERO; bands];
-    for (&l, source) in from.iter().zip(values.chunks(bands)) {
-        for (band, (sum, value)) in sum.iter_mut().zip(source).enumerate() {
-            *sum += end(l as usize, band) * Vec4::from(*value);
+    let count = members.len.min(light.len().max(radiance.len()) / w * LANES);
+    for band in 0..w.div_ceil(BAND) {
+        let here = BAND * band..w.min(BAND * (band + 1));
+        let ends: Vec<Band> = (0..count)
+            .map(|k| spread_factor(members, k, table, band).map(|f| f * members.spread[k]))
+            .collect();
+        let mut sum = [0.0; BAND];
+        for (light, ends) in light.chunks_exact(w).zip(ends.chunks(LANES)) {
+            for (sum, (light, k)) in sum.iter_mut().zip(light[here.clone()].iter().zip(0..)) {
+                *sum += light.iter().zip(ends).map(|(l, end): (&f32, &Band)| l * end[k]).sum::<f32>();
+            }
         }
-    }
-    for (k, out) in radiance.chunks_mut(bands).enumerate().take(members.len) {
-        for (band, (out, sum)) in out.iter_mut().zip(&sum).enumerate() {
-            *out = (Vec4::from(*out) + end(k, band) * *sum).to_array();
+        for (radiance, ends) in radiance.chunks_exact_mut(w).zip(ends.chunks(LANES)) {
+            for ((radiance, sum), k) in radiance[here.clone()].iter_mut().zip(sum).zip(0..) {
+                radiance.iter_mut().zip(ends).for_each(|(l, end)| *l += end[k] * sum);
+            }
         }
     }
 }
@@ -114,58 +105,4 @@ fn spread_factor(members: &Directions, k: usize, table: &LobeTable, band: usize)
 pub fn spread_between(members: &Directions, l: usize, k: usize, table: &LobeTable, c: usize) -> f32 {
     let end = |k: usize| members.spread[k] * spread_factor(members, k, table, c / BAND)[c % BAND];
     end(l) * end(k)
-}
-
-/// Every pair of `members` exchanges light: [`Scatter`] both ways at once.
-struct Exchange<'a> {
-    members: &'a Directions,
-    /// q L of every member, 0 where it sends none, `[members][bands]`.
-    light: &'a [Band],
-    lobe: Lobe<'a>,
-    radiance: &'a mut [Band],
-}
-
-impl HotLoop for Exchange<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Exchange { members, light, lobe: Lobe { table, bands }, radiance } = self;
-        let mut back = vec![Vec4::ZERO; bands];
-        for l in 0..members.len {
-            let a = members.get(l);
-            let u = members.gain * members.scale_of(l);
-            if a.to[2] <= 0.0 {
-                continue;
-            }
-            let own = l / LANES;
-            let source = &light[l * bands..(l + 1) * bands];
-            back.fill(Vec4::ZERO);
-            for g in members.reach(a, own..members.groups()) {
-                let Some((b, cosine)) = members.lobe(&a, g) else { continue };
-                let (slot, f) = table.slots(&cosine);
-                let scale = &members.scale[g];
-                // The pairs within a group are met from both their ends.
-                let both = if g > own { 1.0 } else { 0.0 };
-                let weight: [f32; LANES] = std::array::from_fn(|lane| b[lane] * u * scale[lane]);
-                let group = &mut radiance[g * LANES * bands..(g + 1) * LANES * bands];
-                let theirs = &light[g * LANES * bands..(g + 1) * LANES * bands];
-                for (band, (back, mine)) in back.iter_mut().zip(source).enumerate() {
-                    let mine = Vec4::from(*mine);
-                    let mut sum = Vec4::ZERO;
-                    for lane in 0..LANES {
-                        let (here, step) = table.entry(slot[lane], band);
-                        let share = weight[lane] * (Vec4::from(*here) + f[lane] * Vec4::from(*step));
-                        let out = &mut group[lane * bands + band];
-                        *out = (Vec4::from(*out) + share * mine).to_array();
-                        sum += share * Vec4::from(theirs[lane * bands + band]);
-                    }
-                    *back += both * sum;
-                }
-            }
-            for (out, back) in radiance[l * bands..(l + 1) * bands].iter_mut().zip(&back) {
-                *out = (Vec4::from(*out) + *back).to_array();
-            }
-        }
-    }
 }

@@ -54,6 +54,9 @@ pub struct FirstPassSettings {
     pub tolerance: f64,
     /// Give up after this many sweeps over all pairs of points (N shots count as one sweep).
     pub max_sweeps: u32,
+    /// About so many bytes at most are kept of form factors, and as many of lobes, so that the next sweep, bounce or
+    /// appearance need not find them again. What is not kept is found anew each time; the bits are the same.
+    pub kept_bytes: u64,
     /// Whether to count what the paper's algorithm would have asked without a graph (takes time).
     pub count_visibility_calls: bool,
     /// Whether the solution keeps its parts apart ([`Parts`](super::Parts)): one sweep more.
@@ -68,6 +71,7 @@ impl Default for FirstPassSettings {
             solver: Solver::default(),
             tolerance: 1e-4,
             max_sweeps: 2000,
+            kept_bytes: 1 << 30,
             count_visibility_calls: false,
             parts: false,
         }

@@ -1,14 +1,12 @@
 //! Specular points: what each sees, in which directions, and where radiance goes from one to the next.
 
-use super::balance::{Element, balance};
-use super::bounce::reflectance;
 use super::directions::{Direction, Directions, LANES, Origin};
-use super::lobe_table::{BAND, LobeTable};
+use super::lobe_table::BAND;
 use super::member::{Frame, members, outside};
-use super::normalise::{Face, normalise_reflection, normalise_solid};
+use super::rows::Rows;
 use super::settings::Kernel;
+pub use super::specular_material::{Shape, SpecularMaterial};
 use crate::geometry::{Round, Side};
-use crate::material::{AlbedoTable, Transmission};
 use crate::observer::Observer;
 use crate::points::{NO_POINT, Piece, SamplePoints};
 use crate::scene::SampledAppearance;
@@ -56,35 +54,14 @@ pub struct SpecularPoint {
     pub links: Vec<Link>,
     /// Deviation (mean, largest) of its rough or refracting lobes from their directional albedo, as far as they have
     /// been scaled.
-    errors: Vec<(f64, f64)>,
+    pub(super) errors: Vec<(f64, f64)>,
     /// Whether its lobes have been scaled.
-    scaled: bool,
+    pub(super) scaled: bool,
+    /// The rows of its reflection.
+    pub(super) rows: Rows,
+    /// The rows of what goes from here through the glass.
+    pub(super) through: Option<Rows>,
 }
-
-/// What a material does with specular light.
-#[derive(Clone, Debug)]
-pub struct SpecularMaterial {
-    /// m.
-    m: f64,
-    /// m².
-    pub m2: f32,
-    /// s F against the cosine.
-    pub reflect: LobeTable,
-    /// s F met from inside a solid.
-    pub reflect_inside: Option<LobeTable>,
-    /// Transmittance against the cosine outside.
-    pub transmit: Option<LobeTable>,
-    /// n² of a solid, else 1.
-    pub n2: f32,
-    /// Absorption coefficient inside a solid, 1/m, `[W]`.
-    pub absorption: Vec<f32>,
-    /// Directional albedo with F = 1.
-    pub(super) albedo: AlbedoTable,
-}
-
-/// What the lobes of a material depend on: the bits of m and of n², whether there is transmission, and the tables of
-/// a solid.
-type Shape = (u64, u32, bool, Option<[Option<u64>; 3]>);
 
 /// All specular points of a scene.
 #[derive(Clone, Debug, Default)]
@@ -103,56 +80,7 @@ pub struct SpecularSet {
     pub reused: u64,
     /// How many ideal lobes have been balanced: of mirrors, and of what goes straight through panes; and the
     /// deviations left.
-    balanced: [(usize, Option<(f64, f64)>); 2],
-}
-
-impl SpecularPoint {
-    /// The ideal lobe of its reflection, or of what goes straight `through` it, if it has one.
-    fn straight_lobe(&mut self, through: bool) -> Option<&mut Directions> {
-        let lobe = if through { self.transmission.as_mut() } else { Some(&mut self.reflection) };
-        lobe.filter(|d| d.origin.m2 == 0.0 && d.origin.straight)
-    }
-}
-
-impl SpecularMaterial {
-    /// What lobes depend on.
-    fn shape(&self) -> Shape {
-        // What a solid reflects and refracts is scaled together, by how much of each there is.
-        let tables = [Some(&self.reflect), self.reflect_inside.as_ref(), self.transmit.as_ref()];
-        let tables = self.reflect_inside.is_some().then(|| tables.map(|t| t.map(LobeTable::fingerprint)));
-        (self.m.to_bits(), self.n2.to_bits(), self.transmit.is_some(), tables)
-    }
-
-    /// `None` when there is nothing specular about the material.
-    fn new(material: &crate::material::SampledMaterial) -> Option<Self> {
-        if !material.is_specular() {
-            return None;
-        }
-        let share = material.s as f32;
-        let mut specular = SpecularMaterial {
-            m: material.m,
-            m2: (material.m * material.m) as f32,
-            reflect: LobeTable::new(&material.reflect, share, false),
-            reflect_inside: None,
-            transmit: None,
-            n2: 1.0,
-            absorption: Vec::new(),
-            albedo: AlbedoTable::new(material.m),
-        };
-        match &material.transmission {
-            None => {}
-            Some(Transmission::Pane { transmit }) => {
-                specular.transmit = Some(LobeTable::new(transmit, share, false));
-            }
-            Some(Transmission::Solid { n, inside, absorption }) => {
-                specular.transmit = Some(LobeTable::new(&material.reflect, share, true));
-                specular.reflect_inside = Some(LobeTable::new(inside, share, false));
-                specular.n2 = (n * n) as f32;
-                specular.absorption = absorption.clone();
-            }
-        }
-        Some(specular)
-    }
+    pub(super) balanced: [(usize, Option<(f64, f64)>); 2],
 }
 
 /// m² of the lobe that the normals of element `i` make by themselves: 0 where it is flat. Its neighbours on the sphere
@@ -172,12 +100,12 @@ fn normal_spread(points: &SamplePoints, i: usize) -> f32 {
 impl SpecularSet {
     /// Finds the specular points, what they see, and the scale factors of their lobes. Points of the set of an
     /// `earlier` appearance, by the same kernel and tolerance, are used again where nothing they depend on has
-    /// changed.
+    /// changed. About `most_bytes` are kept of lobes.
     pub fn new(
         points: &SamplePoints,
         graph: &VisibilityGraph,
         appearance: &SampledAppearance,
-        (kernel, tolerance): (Kernel, f32),
+        (kernel, tolerance, most_bytes): (Kernel, f32, u64),
         earlier: Option<SpecularSet>,
         observer: &dyn Observer,
     ) -> Self {
@@ -226,6 +154,8 @@ impl SpecularSet {
                 links: Vec::new(),
                 errors: Vec::new(),
                 scaled: false,
+                rows: Rows::default(),
+                through: None,
             }
         };
         if chosen.is_empty() {
@@ -276,6 +206,7 @@ impl SpecularSet {
         set.materials = materials;
         observer.end();
         set.connect();
+        set.find_rows(most_bytes);
         set.normalise(points, observer);
         set.cells = set.points.iter().flat_map(|p| &p.members).filter(|&&m| m == NO_POINT).count() as u64;
         set
@@ -349,122 +280,5 @@ impl SpecularSet {
                 link.back = back;
             }
         }
-    }
-
-    /// Scales all lobes that are not yet scaled to their directional albedo.
-    fn normalise(&mut self, sample: &SamplePoints, observer: &dyn Observer) {
-        let materials = &self.materials;
-        let new = || self.points.iter().filter(|p| !p.scaled);
-        let lobes: usize = new().map(|p| 1 + usize::from(p.transmission.is_some())).sum();
-        observer.begin("specular lobes", lobes as u64);
-        self.points
-            .par_iter_mut()
-            .filter(|p| !p.scaled)
-            .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
-            .filter(|(p, _)| p.reflection.origin.m2 > 0.0)
-            .for_each(|(p, m)| {
-                p.errors.push(normalise_reflection(&mut p.reflection, &m.albedo));
-                observer.advance(1);
-            });
-        for through in [false, true] {
-            self.balanced[usize::from(through)] = self.balance(sample, through, observer);
-        }
-        self.normalise_solids(observer);
-        observer.end();
-        self.points.iter_mut().for_each(|p| p.scaled = true);
-        let balanced = self.balanced.iter().filter_map(|b| b.1.as_ref());
-        let errors: Vec<(f64, f64)> =
-            self.points.iter().flat_map(|p| &p.errors).chain(balanced).copied().collect();
-        if !errors.is_empty() {
-            let mean = errors.iter().map(|e| e.0).sum::<f64>() / errors.len() as f64;
-            self.closure_error = (mean, errors.iter().map(|e| e.1).fold(0.0, f64::max));
-        }
-    }
-
-    /// Scales what solids reflect and refract, and notes what balancing did not place in its lobe.
-    fn normalise_solids(&mut self, observer: &dyn Observer) {
-        let pairs: Vec<(usize, usize)> = (self.points.iter().enumerate())
-            .filter(|(_, p)| {
-                !p.scaled && !p.inside && p.transmission.as_ref().is_some_and(|t| !t.origin.straight)
-            })
-            .filter_map(|(s, p)| p.twin.map(|t| (s, t as usize)))
-            .collect();
-        let scaled: Vec<_> = pairs
-            .par_iter()
-            .filter_map(|&(s, t)| {
-                let material = self.material(&self.points[s])?;
-                let transmit = material.transmit.as_ref()?;
-                let mut lobes = [s, t].map(|s| {
-                    let p = &self.points[s];
-                    (p.reflection.clone(), p.transmission.clone().unwrap_or_default())
-                });
-                let [a, b] = &mut lobes;
-                let face = |s: usize, (reflection, transmission)| Face {
-                    reflection,
-                    transmission,
-                    reflect: reflectance(&self.points[s], material),
-                };
-                let error = normalise_solid(
-                    face(s, (&mut a.0, &mut a.1)),
-                    face(t, (&mut b.0, &mut b.1)),
-                    transmit,
-                    material.n2,
-                );
-                observer.advance(2);
-                Some((s, t, lobes, error))
-            })
-            .collect();
-        for (s, t, lobes, error) in scaled {
-            for (s, (reflection, transmission)) in [s, t].into_iter().zip(lobes) {
-                self.points[s].reflection = reflection;
-                self.points[s].transmission = Some(transmission);
-            }
-            self.points[s].errors.push(error);
-        }
-    }
-
-    /// Balances the ideal lobes of all mirrors, or of what goes straight `through` panes, unless all of them have been.
-    /// Returns their number, and the deviation left.
-    fn balance(
-        &mut self,
-        sample: &SamplePoints,
-        through: bool,
-        observer: &dyn Observer,
-    ) -> (usize, Option<(f64, f64)>) {
-        let chosen: Vec<usize> =
-            (0..self.points.len()).filter(|&s| self.points[s].straight_lobe(through).is_some()).collect();
-        let before = self.balanced[usize::from(through)];
-        if chosen.len() == before.0 && chosen.iter().all(|&s| self.points[s].scaled) {
-            return before;
-        }
-        let place = |s: usize| chosen.binary_search(&s).ok();
-        let mut groups = std::collections::BTreeMap::new();
-        let mut elements: Vec<Element> = Vec::new();
-        for (at, &s) in chosen.iter().enumerate() {
-            let point = &mut self.points[s];
-            let i = point.point as usize;
-            let next = groups.len();
-            let group = *groups.entry((sample.surface[i], sample.side[i] == Side::Back)).or_insert(next);
-            let mut directions = point.straight_lobe(through).map(std::mem::take).unwrap_or_default();
-            directions.scale.fill([1.0; LANES]);
-            elements.push(Element {
-                directions,
-                other: if through { point.twin.and_then(|t| place(t as usize)).unwrap_or(at) } else { at },
-                group,
-                area: sample.area[i],
-                members: std::mem::take(&mut point.members),
-            });
-        }
-        let error = (!elements.is_empty()).then(|| balance(&mut elements, sample.len(), observer));
-        for (&s, element) in chosen.iter().zip(elements) {
-            let point = &mut self.points[s];
-            point.members = element.members;
-            if through {
-                point.transmission = Some(element.directions);
-            } else {
-                point.reflection = element.directions;
-            }
-        }
-        (chosen.len(), error)
     }
 }

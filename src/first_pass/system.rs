@@ -15,9 +15,8 @@ use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use std::f64::consts::PI;
 
-/// How far one inner solve of the diffuse part goes. It decides how fast the outer solve comes to its
-/// tolerance, not where that ends.
-const INNER: f64 = 1e-2;
+/// How much of the tolerance the solution is stopped at: recurrences in `f32` drift.
+pub(super) const MARGIN: f64 = 0.95;
 
 /// The operators of a scene and its appearance, ready to be applied.
 pub struct System<'a> {
@@ -41,6 +40,13 @@ pub struct System<'a> {
     pub(super) rooms: Rooms,
 }
 
+/// What the next appearance may use again.
+#[derive(Default)]
+pub(super) struct Kept {
+    rooms: Option<Rooms>,
+    specular: Option<SpecularSet>,
+}
+
 /// A solution on the way: radiance, and what the chains contribute to it.
 pub struct Solved {
     /// L^d, `[W][N]`.
@@ -62,7 +68,7 @@ impl<'a> System<'a> {
         settings: &FirstPassSettings,
         observer: &dyn Observer,
     ) -> Self {
-        Self::with(geometry, diffuse, appearance, settings, (None, None), observer)
+        Self::with(geometry, diffuse, appearance, settings, Kept::default(), observer)
     }
 
     /// The same, using again what is `kept` of another appearance wherever it is the same.
@@ -71,7 +77,7 @@ impl<'a> System<'a> {
         diffuse: &'a DiffuseOperator<'a>,
         appearance: &SampledAppearance,
         settings: &FirstPassSettings,
-        (rooms, specular): (Option<Rooms>, Option<SpecularSet>),
+        kept: Kept,
         observer: &dyn Observer,
     ) -> Self {
         let (points, graph) = (diffuse.points, diffuse.graph);
@@ -86,8 +92,14 @@ impl<'a> System<'a> {
                 reflectance[k * n + i] = material.diffuse[k];
             }
         }
-        let specular =
-            SpecularSet::new(points, graph, appearance, (settings.kernel, tolerance), specular, observer);
+        let specular = SpecularSet::new(
+            points,
+            graph,
+            appearance,
+            (settings.kernel, tolerance, settings.kept_bytes),
+            kept.specular,
+            observer,
+        );
         let lights = PointLighting::new(geometry, points, graph, appearance, &specular);
         let light_chains = if lights.misses_specular_points() {
             ChainFlow::default()
@@ -95,9 +107,14 @@ impl<'a> System<'a> {
             specular.apply_to_lights(points, &lights, &settings.chain)
         };
         let passes = |i: usize| appearance.of(points.surface[i]).transmission.is_some();
-        let rooms = Rooms::new(points, graph, tolerance, passes, rooms);
+        let rooms = Rooms::new(points, graph, tolerance, passes, kept.rooms);
         let reflects = (0..n).map(|i| (0..w).any(|k| reflectance[k * n + i] > 0.0)).collect();
         System { points, diffuse, specular, emission, lights, light_chains, reflectance, reflects, rooms }
+    }
+
+    /// What the next appearance may use again.
+    pub(super) fn keep(self) -> Kept {
+        Kept { rooms: Some(self.rooms), specular: Some(self.specular) }
     }
 
     /// W.
@@ -139,11 +156,9 @@ impl<'a> System<'a> {
         x.iter().zip(&back).map(|(x, b)| x - b).collect()
     }
 
-    /// Norm of the residual that surely keeps the flux under `tolerance` of what is emitted, in the
-    /// strongest room and, by the weights of the norm, in every other.
+    /// Σ A |residual| that keeps the flux under `tolerance` of what is emitted, W nm⁻¹ sr⁻¹.
     fn goals(&self, tolerance: f64) -> Vec<f64> {
-        let area = over_area(self.points, |_| 1.0);
-        self.emitted().iter().map(|f| tolerance * f / (PI * area.sqrt())).collect()
+        self.emitted().iter().map(|f| MARGIN * tolerance * f / PI).collect()
     }
 
     /// The complete iterative solution: GMRES on the whole system, with its diffuse part solved as
@@ -160,18 +175,22 @@ impl<'a> System<'a> {
         let goals = self.goals(settings.tolerance);
         let sources = self.sources();
         let weights = weights(self.points, &self.rooms.room, &sources);
+        let measure = (&self.points.area[..], &weights[..]);
         let outcome = if self.specular.points.is_empty() {
-            gmres::solve(&sources, &weights, &goals, max_sweeps, |v, excess| {
+            gmres::solve(&sources, measure, &goals, max_sweeps, |v, excess| {
                 sweeps += 1;
                 progress(excess);
                 Ok((v.to_vec(), self.diffuse_step(v)))
             })?
         } else {
             let mut known = Known::default();
-            gmres::solve(&sources, &weights, &goals, max_sweeps, |v, excess| {
+            gmres::solve(&sources, measure, &goals, max_sweeps, |v, excess| {
                 progress(excess);
                 let left = max_sweeps.saturating_sub(sweeps);
-                let (x, residual) = known.solve(v, &weights, INNER, left, |v| {
+                // Half of the way, in powers, and near the goal no more than that asks for. It decides how fast the
+                // outer solve comes to its tolerance, not where that ends.
+                let inner = settings.tolerance.sqrt().max(0.5 / excess);
+                let (x, residual) = known.solve(v, &weights, inner, left, |v| {
                     sweeps += 1;
                     self.diffuse_step(v)
                 });
@@ -185,7 +204,7 @@ impl<'a> System<'a> {
                 Ok((x, image))
             })?
         };
-        if outcome.norm.iter().zip(&goals).any(|(norm, goal)| norm > goal || !norm.is_finite()) {
+        if outcome.left.iter().zip(&goals).any(|(left, goal)| left > goal || !left.is_finite()) {
             return Err(unfinished(settings));
         }
         let mut flow = self.light_chains.clone();

@@ -169,7 +169,7 @@ fn median(mut times: Vec<f64>) -> f64 {
 }
 
 /// Changes that every scene can undergo, each from the `appearance` given: nothing, twice the emission, the
-/// diffuse reflectance of all materials, that of one, the roughness of all metals, another metal.
+/// diffuse reflectance of one material, that of all, another metal, the roughness of one metal, that of all.
 pub fn usual_changes(appearance: &Appearance) -> Vec<(String, Appearance)> {
     let changed = |change: &str, edit: &dyn Fn(usize, &mut Material)| {
         let mut appearance = appearance.clone();
@@ -185,6 +185,10 @@ pub fn usual_changes(appearance: &Appearance) -> Vec<(String, Appearance)> {
         .materials
         .iter()
         .position(|m| matches!(&m.body, Body::Opaque { s, diffuse: Some(_), .. } if *s == 0.0));
+    let first_rough = appearance
+        .materials
+        .iter()
+        .position(|m| matches!(&m.body, Body::Opaque { s, m, .. } if *s > 0.0 && *m > 0.0));
     vec![
         changed("nothing", &|_, _| ()),
         changed("emission doubled", &|_, material| {
@@ -209,6 +213,13 @@ pub fn usual_changes(appearance: &Appearance) -> Vec<(String, Appearance)> {
             } = &mut material.body
             {
                 *n = n.times(|_| 0.9);
+            }
+        }),
+        changed("one roughness", &|i, material| {
+            if let Body::Opaque { m, .. } = &mut material.body
+                && Some(i) == first_rough
+            {
+                *m *= 1.25;
             }
         }),
         changed("roughness", &|_, material| {

@@ -1,0 +1,70 @@
+//! What materials do with specular light.
+
+use super::lobe_table::LobeTable;
+use crate::material::{AlbedoTable, SampledMaterial, Transmission};
+
+/// What a material does with specular light.
+#[derive(Clone, Debug)]
+pub struct SpecularMaterial {
+    /// m.
+    pub m: f64,
+    /// m².
+    pub m2: f32,
+    /// s F against the cosine.
+    pub reflect: LobeTable,
+    /// s F met from inside a solid.
+    pub reflect_inside: Option<LobeTable>,
+    /// Transmittance against the cosine outside.
+    pub transmit: Option<LobeTable>,
+    /// n² of a solid, else 1.
+    pub n2: f32,
+    /// Absorption coefficient inside a solid, 1/m, `[W]`.
+    pub absorption: Vec<f32>,
+    /// Directional albedo with F = 1.
+    pub albedo: AlbedoTable,
+}
+
+/// What the lobes of a material depend on: the bits of m and of n², whether there is transmission, and the tables of
+/// a solid.
+pub type Shape = (u64, u32, bool, Option<[Option<u64>; 3]>);
+
+impl SpecularMaterial {
+    /// What lobes depend on.
+    pub fn shape(&self) -> Shape {
+        // What a solid reflects and refracts is scaled together, by how much of each there is.
+        let tables = [Some(&self.reflect), self.reflect_inside.as_ref(), self.transmit.as_ref()];
+        let tables = self.reflect_inside.is_some().then(|| tables.map(|t| t.map(LobeTable::fingerprint)));
+        (self.m.to_bits(), self.n2.to_bits(), self.transmit.is_some(), tables)
+    }
+
+    /// `None` when there is nothing specular about the material.
+    pub fn new(material: &SampledMaterial) -> Option<Self> {
+        if !material.is_specular() {
+            return None;
+        }
+        let share = material.s as f32;
+        let mut specular = SpecularMaterial {
+            m: material.m,
+            m2: (material.m * material.m) as f32,
+            reflect: LobeTable::new(&material.reflect, share, false),
+            reflect_inside: None,
+            transmit: None,
+            n2: 1.0,
+            absorption: Vec::new(),
+            albedo: AlbedoTable::new(material.m),
+        };
+        match &material.transmission {
+            None => {}
+            Some(Transmission::Pane { transmit }) => {
+                specular.transmit = Some(LobeTable::new(transmit, share, false));
+            }
+            Some(Transmission::Solid { n, inside, absorption }) => {
+                specular.transmit = Some(LobeTable::new(&material.reflect, share, true));
+                specular.reflect_inside = Some(LobeTable::new(inside, share, false));
+                specular.n2 = (n * n) as f32;
+                specular.absorption = absorption.clone();
+            }
+        }
+        Some(specular)
+    }
+}
