@@ -73,6 +73,65 @@ fn every_change_gives_the_bits_of_a_fresh_run() {
 }
 
 #[test]
+fn recalled_solutions_end_within_the_tolerance_and_cost_less() {
+    let mut scene = scene();
+    let settings = FirstPassSettings { recall: true, ..Default::default() };
+    let TestScene { geometry, points, graph, appearance } = &mut scene;
+    let mut relighter = Relighter::new(geometry, points, graph, &settings, &Silent).unwrap();
+    // What changes, the most sweeps in parts of those of a fresh run, and the most rounds of bounces.
+    type Change = (&'static str, fn(&mut Vec<SampledMaterial>), f64, u32);
+    let changes: [Change; 9] = [
+        ("nothing before", |_| (), 1.0, 9),
+        ("nothing", |_| (), 0.2, 0),
+        ("emission", |m| m[LAMP] = diffuse(0.1, 7.0), 0.2, 0),
+        ("another lamp", |m| m[WALL] = diffuse(0.6, 0.5), 1.0, 9),
+        (
+            "both lamps",
+            |m| {
+                m[WALL] = diffuse(0.6, 2.0);
+                m[LAMP] = diffuse(0.1, 1.0);
+            },
+            // Solutions that are exact but for the tolerance leave a little over when they are stretched.
+            0.3,
+            1,
+        ),
+        ("reflectance", |m| m[WALL] = diffuse(0.55, 2.0), 1.0, 9),
+        ("Fresnel factor", |m| m[GLOSS] = glossy(0.7, 0.5, 0.2, 0.1, 0.0), 1.0, 9),
+        ("roughness", |m| m[GLOSS] = glossy(0.7, 0.5, 0.3, 0.1, 0.0), 1.0, 9),
+        ("the lamp of the last but three", |m| m[LAMP] = diffuse(0.1, 5.0), 1.0, 9),
+    ];
+    for (name, change, most, rounds) in changes {
+        change(&mut appearance.materials);
+        let relit = relighter.light(appearance, &Silent).unwrap();
+        let fresh = solve(geometry, points, graph, appearance, &settings, &Silent).unwrap();
+        let flux = |of: &dyn Fn(usize) -> f64| -> f64 {
+            (0..points.len()).map(|i| f64::from(points.area[i]) * of(i * W)).sum()
+        };
+        let apart = flux(&|at| f64::from((relit.radiance[at] - fresh.radiance[at]).abs()));
+        let emitted = flux(&|at| f64::from(appearance.of(points.surface[at / W]).emission[0]));
+        println!(
+            "{name}: {:.1e} apart, {} and {} sweeps",
+            apart / emitted,
+            relit.stats.sweeps,
+            fresh.stats.sweeps
+        );
+        // Either ends within the tolerance of the flux, which the room may reflect a few times more.
+        assert!(apart < 5.0 * settings.tolerance * emitted, "{name}: {}", apart / emitted);
+        assert!(
+            relit.stats.residual <= settings.tolerance && fresh.stats.residual <= settings.tolerance,
+            "{name}"
+        );
+        assert!(relit.stats.sweeps <= most * fresh.stats.sweeps, "{name}: {}", relit.stats.sweeps);
+        assert!(relit.stats.rounds <= rounds, "{name}: {} rounds", relit.stats.rounds);
+        assert!(
+            relit.stats.flux.error.iter().all(|e| e.abs() < 0.05),
+            "{name}: {:?}",
+            relit.stats.flux.error
+        );
+    }
+}
+
+#[test]
 fn what_is_kept_does_not_change_a_bit() {
     let scene = scene();
     let all = scene.solve(&FirstPassSettings::default()).unwrap();

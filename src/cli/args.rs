@@ -71,6 +71,10 @@ pub struct Relight {
     /// Folder for the images
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
+    /// Solve every appearance by itself, which gives the bits that `render --changes` gives: else each goes on from
+    /// the solutions before it, to the same tolerance
+    #[arg(long)]
+    pub same_bits: bool,
     /// Options common to render and relight.
     #[command(flatten)]
     pub options: Options,

@@ -14,7 +14,8 @@ use std::time::Instant;
 pub fn run(args: &Relight) -> Result<()> {
     let started = Instant::now();
     let options = &args.options;
-    let settings = settings(options)?;
+    let mut settings = settings(options)?;
+    settings.first_pass.recall = !args.same_bits;
     let exposure = exposure(&options.exposure)?;
     let stems: Vec<String> = args.changes.iter().map(|path| stem(path)).collect();
     if let Some(twice) = stems.iter().enumerate().find(|(i, s)| stems[..*i].contains(s)) {

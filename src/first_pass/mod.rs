@@ -28,6 +28,7 @@ pub mod near;
 mod normalise;
 mod openings;
 mod pair_kernel;
+mod recalled;
 pub mod reference;
 mod relighter;
 mod rooms;

@@ -1,6 +1,7 @@
 //! One scene under one appearance after another.
 
 use super::diffuse::DiffuseOperator;
+use super::recalled::Recalled;
 use super::settings::{FirstPassSettings, Solver};
 use super::stats::{self, FirstPassStats, Range};
 use super::system::{Kept, System};
@@ -26,6 +27,8 @@ pub struct Relighter<'a> {
     /// [`stats::reciprocity_error`].
     reciprocity: (f64, f64),
     kept: Kept,
+    /// Solutions of earlier appearances.
+    recalled: Recalled,
     /// Time spent on what is kept and not yet reported, s.
     pending_s: f64,
     /// How often light has been found.
@@ -65,6 +68,7 @@ impl<'a> Relighter<'a> {
             reciprocity: stats::reciprocity_error(points, &diffuse),
             diffuse,
             kept: Kept::default(),
+            recalled: Recalled::default(),
             pending_s: clock.elapsed().as_secs_f64(),
             runs: 0,
         })
@@ -87,9 +91,10 @@ impl<'a> Relighter<'a> {
         let system = System::with(geometry, &self.diffuse, appearance, settings, kept, observer);
         let setup_s = clock.elapsed().as_secs_f64() + std::mem::take(&mut self.pending_s);
         let clock = Instant::now();
+        let mut recalled = std::mem::take(&mut self.recalled).serving(appearance);
         observer.begin("first pass", STEPS);
         let solved = match settings.solver {
-            Solver::Iterative => system.solve_iteratively(settings, descent(observer)),
+            Solver::Iterative => system.solve_iteratively(settings, &recalled, descent(observer)),
             Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
         };
         observer.end();
@@ -97,6 +102,12 @@ impl<'a> Relighter<'a> {
 
         // One more sweep gives the true residual and a solution that is no worse.
         let mut irradiance = self.diffuse.irradiance(&solved.radiance, |_| true);
+        if settings.recall && settings.solver == Solver::Iterative {
+            let mut known = irradiance.clone();
+            known.iter_mut().zip(&solved.chains.irradiance).for_each(|(e, more)| *e += more);
+            recalled.add(solved.radiance.clone(), known, solved.chains.clone());
+        }
+        self.recalled = recalled;
         for more in [&solved.flow.irradiance, &system.lights.irradiance] {
             irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
         }

@@ -59,6 +59,9 @@ pub struct FirstPassSettings {
     pub kept_bytes: u64,
     /// Whether to count what the paper's algorithm would have asked without a graph (takes time).
     pub count_visibility_calls: bool,
+    /// Whether what is left over by the solutions of earlier appearances is all that is solved: in a fraction of the time, to
+    /// the same tolerance, but not to the bit.
+    pub recall: bool,
     /// Whether the solution keeps its parts apart ([`Parts`](super::Parts)): one sweep more.
     pub parts: bool,
 }
@@ -74,6 +77,7 @@ impl Default for FirstPassSettings {
             kept_bytes: 1 << 30,
             count_visibility_calls: false,
             parts: false,
+            recall: false,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Progressive shooting (section 3.3.2; Cohen et al. 1988): the point with most unshot power first.
 
+use super::flow::ChainFlow;
 use super::near::Corrections;
 use super::settings::FirstPassSettings;
 use super::system::{Solved, System, unfinished};
@@ -58,7 +59,7 @@ pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl F
         }
     }
     let sweeps = shots as f64 / n.max(1) as f64;
-    Ok(Solved { radiance: state.radiance, flow, sweeps, rounds })
+    Ok(Solved { radiance: state.radiance, flow, chains: ChainFlow::default(), sweeps, rounds })
 }
 
 /// The error of a system that gains energy.

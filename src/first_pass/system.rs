@@ -4,6 +4,7 @@ use super::diffuse::DiffuseOperator;
 use super::flow::ChainFlow;
 use super::known::Known;
 use super::lights::PointLighting;
+use super::recalled::{Recalled, Start};
 use super::rooms::{Rooms, weights};
 use super::settings::FirstPassSettings;
 use super::specular::SpecularSet;
@@ -53,6 +54,8 @@ pub struct Solved {
     pub radiance: Vec<f32>,
     /// What the chains that start with it and with point lights bring.
     pub flow: ChainFlow,
+    /// The part of it that starts with the radiance.
+    pub chains: ChainFlow,
     /// Sweeps done.
     pub sweeps: f64,
     /// Applications of the specular operator.
@@ -162,11 +165,12 @@ impl<'a> System<'a> {
     }
 
     /// The complete iterative solution: GMRES on the whole system, with its diffuse part solved as
-    /// preconditioner, since a sweep costs less than a round of specular chains. `progress` hears how many
-    /// times its goal the residual is.
+    /// preconditioner, since a sweep costs less than a round of specular chains. It goes on from what `recalled` solutions
+    /// leave over. `progress` hears how many times its goal the residual is.
     pub fn solve_iteratively(
         &self,
         settings: &FirstPassSettings,
+        recalled: &Recalled,
         mut progress: impl FnMut(f64),
     ) -> Result<Solved> {
         let max_sweeps = settings.max_sweeps as usize;
@@ -176,6 +180,8 @@ impl<'a> System<'a> {
         let sources = self.sources();
         let weights = weights(self.points, &self.rooms.room, &sources);
         let measure = (&self.points.area[..], &weights[..]);
+        let Start { radiance: mut x, mut chains, residual: sources } =
+            recalled.start(&sources, &weights, |e| self.reflected(e));
         let outcome = if self.specular.points.is_empty() {
             gmres::solve(&sources, measure, &goals, max_sweeps, |v, excess| {
                 sweeps += 1;
@@ -207,11 +213,15 @@ impl<'a> System<'a> {
         if outcome.left.iter().zip(&goals).any(|(left, goal)| left > goal || !left.is_finite()) {
             return Err(unfinished(settings));
         }
-        let mut flow = self.light_chains.clone();
         for (step, share) in flows.iter().zip(&outcome.shares) {
-            flow.add_scaled(step, share);
+            chains.add_scaled(step, share);
         }
-        Ok(Solved { radiance: outcome.x, flow, sweeps: sweeps as f64, rounds: flows.len() as u32 })
+        let mut flow = self.light_chains.clone();
+        if !chains.irradiance.is_empty() {
+            flow.add_scaled(&chains, &vec![1.0; self.wavelengths()]);
+        }
+        x.iter_mut().zip(&outcome.x).for_each(|(x, more)| *x += more);
+        Ok(Solved { radiance: x, flow, chains, sweeps: sweeps as f64, rounds: flows.len() as u32 })
     }
 
     /// Progressive shooting. `progress` hears how many times its goal the unshot flux is.
