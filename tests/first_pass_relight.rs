@@ -98,7 +98,8 @@ fn recalled_solutions_end_within_the_tolerance_and_cost_less() {
         ("reflectance", |m| m[WALL] = diffuse(0.55, 2.0), 1.0, 9),
         ("Fresnel factor", |m| m[GLOSS] = glossy(0.7, 0.5, 0.2, 0.1, 0.0), 1.0, 9),
         ("roughness", |m| m[GLOSS] = glossy(0.7, 0.5, 0.3, 0.1, 0.0), 1.0, 9),
-        ("the lamp of the last but three", |m| m[LAMP] = diffuse(0.1, 5.0), 1.0, 9),
+        // What is left over here is as rough as all was, and asks for a sweep more.
+        ("another lamp after that", |m| m[LAMP] = diffuse(0.1, 5.0), 1.2, 9),
     ];
     for (name, change, most, rounds) in changes {
         change(&mut appearance.materials);

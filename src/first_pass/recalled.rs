@@ -100,11 +100,11 @@ impl Recalled {
         for (earlier, share) in self.solutions.iter().zip(&shares) {
             start.chains.add_scaled(&earlier.chains, share);
             let back = reflected(&earlier.irradiance);
-            for k in 0..w {
+            for (k, &share) in share.iter().enumerate() {
                 let plane = k * n..(k + 1) * n;
-                add(&mut start.radiance[plane.clone()], share[k], &earlier.radiance[plane.clone()]);
-                add(&mut start.residual[plane.clone()], -share[k], &earlier.radiance[plane.clone()]);
-                add(&mut start.residual[plane.clone()], share[k], &back[plane]);
+                add(&mut start.radiance[plane.clone()], share, &earlier.radiance[plane.clone()]);
+                add(&mut start.residual[plane.clone()], -share, &earlier.radiance[plane.clone()]);
+                add(&mut start.residual[plane.clone()], share, &back[plane]);
             }
         }
         start
