@@ -133,6 +133,21 @@ fn recalled_solutions_end_within_the_tolerance_and_cost_less() {
 }
 
 #[test]
+fn recalled_solutions_serve_diffuse_scenes_too() {
+    let quads = room(DVec3::ZERO, DVec3::ONE, [0, 0, 0, 0, 0, 1]);
+    let mut scene = TestScene::new(&quads, vec![diffuse(0.6, 0.0), diffuse(0.1, 3.0)], 1.0 / 36.0);
+    let settings = FirstPassSettings { recall: true, ..Default::default() };
+    let TestScene { geometry, points, graph, appearance } = &mut scene;
+    let mut relighter = Relighter::new(geometry, points, graph, &settings, &Silent).unwrap();
+    let first = relighter.light(appearance, &Silent).unwrap();
+    appearance.materials[1] = diffuse(0.1, 6.0);
+    let twice = relighter.light(appearance, &Silent).unwrap();
+    assert!(first.stats.sweeps > 3.0 && twice.stats.sweeps == 1.0, "{}", twice.stats.sweeps);
+    let close = |(a, b): (&f32, &f32)| (a - 2.0 * b).abs() < 1e-5 * a;
+    assert!(twice.radiance.iter().zip(&first.radiance).all(close));
+}
+
+#[test]
 fn what_is_kept_does_not_change_a_bit() {
     let scene = scene();
     let all = scene.solve(&FirstPassSettings::default()).unwrap();

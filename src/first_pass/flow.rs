@@ -21,8 +21,12 @@ pub struct ChainFlow {
 }
 
 impl ChainFlow {
-    /// Adds `factor[k]` times another flow at each wavelength k; the operator is linear.
+    /// Adds `factor[k]` times another flow at each wavelength k; the operator is linear. Where there are no chains nothing
+    /// is added.
     pub fn add_scaled(&mut self, other: &ChainFlow, factor: &[f64]) {
+        if other.irradiance.is_empty() {
+            return;
+        }
         let n = other.irradiance.len() / factor.len().max(1);
         self.irradiance.resize(other.irradiance.len(), 0.0);
         for (k, &f) in factor.iter().enumerate() {

@@ -217,9 +217,7 @@ impl<'a> System<'a> {
             chains.add_scaled(step, share);
         }
         let mut flow = self.light_chains.clone();
-        if !chains.irradiance.is_empty() {
-            flow.add_scaled(&chains, &vec![1.0; self.wavelengths()]);
-        }
+        flow.add_scaled(&chains, &vec![1.0; self.wavelengths()]);
         x.iter_mut().zip(&outcome.x).for_each(|(x, more)| *x += more);
         Ok(Solved { radiance: x, flow, chains, sweeps: sweeps as f64, rounds: flows.len() as u32 })
     }

@@ -8,6 +8,7 @@ use super::moved::{MovedBench, moved};
 use super::second_pass::{SecondPassRates, second_pass_rates};
 use super::tracers::{TracerRates, tracer_rates};
 use crate::error::{Error, Result};
+use crate::geometry::SurfaceId;
 use crate::observer::Observer;
 use crate::pipeline;
 use crate::points::Sampling;
@@ -22,6 +23,8 @@ const RAYS: usize = 200_000;
 const LARGE_HALL: [usize; 2] = [48, 51];
 /// The ceiling of a sweep multiplies by a stored matrix of N² numbers; more than this is left out, bytes.
 const MOST_BYTES: u64 = 1 << 30;
+/// Lobes of specular points join all pairs of what these see: more pairs than this are left out.
+const MOST_LOBE_PAIRS: f64 = 2e11;
 /// How often a sweep and its ceiling take turns.
 const REPEATS: usize = 7;
 
@@ -30,8 +33,8 @@ const REPEATS: usize = 7;
 pub struct AtPoints {
     /// The graph.
     pub graph: GraphBench,
-    /// The first pass, and new appearances over the same graph.
-    pub first_pass: FirstPassBench,
+    /// The first pass, and new appearances over the same graph, unless its lobes would take minutes.
+    pub first_pass: Option<FirstPassBench>,
     /// The graph after the changes that were asked for.
     pub moved: Option<MovedBench>,
 }
@@ -71,8 +74,14 @@ pub fn stages(
         let sampling = Sampling { refine_solid_angle: None, ..scene.sampling };
         let prepared = pipeline::prepare(geometry, &sampling, &settings, tracer.as_ref(), None, observer)?;
         let graph = graph::graph(geometry, &prepared.points, tracer.as_ref(), observer)?;
-        let first_pass =
-            first_pass::measure(scene, &prepared, &settings, &changes, MOST_BYTES, REPEATS, observer)?;
+        let specular = |s: &SurfaceId| scene.appearance.material(*s).is_specular();
+        let n = prepared.points.len() as f64;
+        let lobes = prepared.points.surface.iter().filter(|s| specular(s)).count() as f64;
+        let first_pass = (lobes * n * n <= MOST_LOBE_PAIRS)
+            .then(|| {
+                first_pass::measure(scene, &prepared, &settings, &changes, MOST_BYTES, REPEATS, observer)
+            })
+            .transpose()?;
         let moved = changed.map(|c| moved((geometry, &prepared), c, &settings, observer)).transpose()?;
         sizes.push(AtPoints { graph, first_pass, moved });
         if second_pass.is_none() {
