@@ -231,7 +231,20 @@ pub(super) struct Block {
     pub tested: [Bits; SIDE],
     from: Against,
     to: Against,
+    /// How columns lie against surfaces, by the last digits of the surface's number.
+    known: Vec<Option<Box<Known>>>,
 }
+
+/// How columns lie against a surface: blocks with the same columns come one after the other.
+#[derive(Debug)]
+struct Known {
+    /// First point and number of the columns, and number of the surface.
+    key: [usize; 3],
+    against: Against,
+}
+
+/// As many surfaces' are known at a time.
+const KNOWN: usize = 256;
 
 impl Block {
     /// A block without points.
@@ -244,6 +257,7 @@ impl Block {
             tested: [[0; WORDS]; SIDE],
             from: Against::NONE,
             to: Against::NONE,
+            known: (0..KNOWN).map(|_| None).collect(),
         }
     }
 
@@ -278,7 +292,20 @@ impl Block {
     /// Closes the open pairs that `blocker` hides and marks those that it passes too close to call. No segment is
     /// longer than `length`. Only the `rows` and `columns` given count.
     pub fn test(&mut self, blocker: &Blocker, length: f64, rows: &Bits, columns: &Bits) -> Hidden {
-        wide(Test { block: self, blocker, length, rows, columns })
+        wide(Test { block: self, blocker, length, rows, columns, key: None })
+    }
+
+    /// [`Block::test`] against `surface`, with columns from point `first` on: how these lie against it is looked up if they were
+    /// asked about before.
+    pub fn test_known(
+        &mut self,
+        (blocker, surface): (&Blocker, u32),
+        length: f64,
+        (rows, columns): (&Bits, &Bits),
+        first: usize,
+    ) -> Hidden {
+        let key = Some([first, self.columns.count, surface as usize]);
+        wide(Test { block: self, blocker, length, rows, columns, key })
     }
 }
 
@@ -294,6 +321,8 @@ struct Test<'a> {
     length: f64,
     rows: &'a Bits,
     columns: &'a Bits,
+    /// Of [`Known`].
+    key: Option<[usize; 3]>,
 }
 
 /// What the r_k of two sets of points say of all their pairs.
@@ -325,15 +354,29 @@ impl HotLoop for Test<'_> {
 
     #[inline(always)]
     fn run(self) -> Hidden {
-        let Test { block, blocker, length, rows, columns } = self;
-        let Block { open, unsure, tested, from, to, .. } = block;
+        let Test { block, blocker, length, rows, columns, key } = self;
+        let Block { open, unsure, tested, from, to, known, .. } = block;
         from.set(&block.rows, rows, blocker);
         let words = [block.rows.words(), block.columns.words()];
         if (0..words[0]).all(|w| from.sides[0][w] | from.sides[1][w] == 0) {
             return Hidden::default();
         }
-        to.set(&block.columns, columns, blocker);
-        Close { open, unsure, tested, from, to, words, doubt: doubt(blocker, length) }.run()
+        let to = match key {
+            None => {
+                to.set(&block.columns, columns, blocker);
+                to
+            }
+            Some(key) => {
+                let slot = known[key[2] % KNOWN]
+                    .get_or_insert_with(|| Box::new(Known { key: [usize::MAX; 3], against: Against::NONE }));
+                if slot.key != key {
+                    slot.against.set(&block.columns, &[u32::MAX; WORDS], blocker);
+                    slot.key = key;
+                }
+                &mut slot.against
+            }
+        };
+        Close { open, unsure, tested, from, to, columns, words, doubt: doubt(blocker, length) }.run()
     }
 }
 
@@ -350,6 +393,8 @@ struct Close<'a> {
     tested: &'a mut [Bits; SIDE],
     from: &'a Against,
     to: &'a Against,
+    /// Those that count.
+    columns: &'a Bits,
     /// Of the rows and of the columns.
     words: [usize; 2],
     doubt: f32,
@@ -360,7 +405,7 @@ impl HotLoop for Close<'_> {
 
     #[inline(always)]
     fn run(self) -> Hidden {
-        let Close { open, unsure, tested, from, to, words: [row_words, column_words], doubt } = self;
+        let Close { open, unsure, tested, from, to, columns, words: [row_words, column_words], doubt } = self;
         let mut hidden = Hidden::default();
         for side in 0..2 {
             for v in 0..row_words {
@@ -370,7 +415,7 @@ impl HotLoop for Close<'_> {
                 }
                 let near = from.bounds[side][v];
                 for w in 0..column_words {
-                    let opposite = to.sides[1 - side][w];
+                    let opposite = to.sides[1 - side][w] & columns[w];
                     if opposite == 0 {
                         continue;
                     }

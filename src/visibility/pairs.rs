@@ -243,8 +243,12 @@ impl PairWork<'_> {
                 continue;
             }
             let Some((rows, columns)) = reach(c) else { continue };
-            let Hidden { proved, tested } =
-                self.block.test(&self.build.blockers[c as usize], length, &rows, &columns);
+            let Hidden { proved, tested } = self.block.test_known(
+                (&self.build.blockers[c as usize], c),
+                length,
+                (&rows, &columns),
+                self.place[1],
+            );
             self.result.stats.proved += proved;
             if Some(c) == self.last_blocker {
                 self.result.stats.last_blocker += tested;
