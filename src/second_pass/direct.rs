@@ -1,9 +1,9 @@
 //! The rung `direct`: light straight from lamps, asked for at every place that a path meets.
 
 use super::lamps::{Lamps, Source};
-use super::scatter::Film;
-use super::wave::{Wave, ray_offset};
-use crate::geometry::{Hit, Side, SurfaceId};
+use super::scatter::{Film, Scatterer};
+use super::wave::Wave;
+use crate::geometry::{Hit, Side};
 use crate::scene::{Geometry, SampledAppearance};
 use crate::tracers::{RayTracer, Segment};
 
@@ -18,8 +18,6 @@ pub(super) struct Direct<'a> {
     lamps: Lamps,
     /// Lamps asked at every place.
     samples: u32,
-    /// How far above a surface segments start, by surface, m.
-    offset: Vec<f64>,
 }
 
 /// Segments to lamps, and the light that may come along them.
@@ -42,18 +40,11 @@ impl<'a> Direct<'a> {
         samples: u32,
         bright: impl Fn(&[f32]) -> f64,
     ) -> Self {
-        Direct {
-            geometry,
-            appearance,
-            tracer,
-            lamps: Lamps::new(geometry, appearance, bright),
-            samples,
-            offset: (0..geometry.surfaces.len()).map(|s| ray_offset(geometry, SurfaceId(s as u32))).collect(),
-        }
+        Direct { geometry, appearance, tracer, lamps: Lamps::new(geometry, appearance, bright), samples }
     }
 
     /// Adds to the film what the lit places among those that the paths of `wave` meet reflect diffusely of the light of lamps.
-    pub fn add(&self, wave: &Wave, hits: &[Option<Hit>], film: &mut Film) {
+    pub fn add(&self, scatterer: &Scatterer, wave: &Wave, hits: &[Option<Hit>], film: &mut Film) {
         if self.lamps.is_empty() {
             return;
         }
@@ -63,7 +54,7 @@ impl<'a> Direct<'a> {
         shadows.light.clear();
         for k in film.lit.iter().map(|&k| k as usize) {
             if let Some(hit) = &hits[k] {
-                self.ask(wave, k, hit, film, &mut shadows);
+                self.ask(scatterer, (wave, k), hit, film, &mut shadows);
             }
         }
         let Shadows { segments, pixels, light, blocked, .. } = &mut shadows;
@@ -81,7 +72,14 @@ impl<'a> Direct<'a> {
         film.shadows = shadows;
     }
 
-    fn ask(&self, wave: &Wave, k: usize, hit: &Hit, film: &Film, shadows: &mut Shadows) {
+    fn ask(
+        &self,
+        scatterer: &Scatterer,
+        (wave, k): (&Wave, usize),
+        hit: &Hit,
+        film: &Film,
+        shadows: &mut Shadows,
+    ) {
         let (path, ray) = (&wave.paths[k], &wave.rays[k]);
         let material = self.appearance.of(hit.surface);
         let w = self.appearance.wavelengths.len();
@@ -90,7 +88,8 @@ impl<'a> Direct<'a> {
         let met = ray.at(hit.t);
         let normal = surface.normal_at(met);
         let n = if hit.side == Side::Back { -normal } else { normal };
-        let x = surface.project(met) + self.offset[hit.surface.index()] * n;
+        let position = surface.project(met);
+        let x = position + scatterer.start(hit.surface, position, n);
         for sample in 0..self.samples {
             let seed = film.seeds[path.pixel as usize] ^ OTHER_SEED;
             let index = path.index * self.samples + sample;

@@ -1,5 +1,5 @@
 //! What gives light, and how a place asks it: the light comes straight from an emitting surface, drawn by the solid angle
-//! that it subtends, or from a point light.
+//! that it subtends, or from a point light. The path tracer that judges this pass draws its lights by code of its own.
 
 use crate::geometry::{Round, Side, SurfaceId};
 use crate::scene::{Geometry, SampledAppearance};
@@ -231,11 +231,11 @@ fn in_spherical_triangle([a, b, c]: [DVec3; 3], angle: f64, u: [f64; 2]) -> DVec
     let alpha = cos_alpha.acos();
     let cos_c = a.dot(b);
     let (s, t) = (u[0] * angle - alpha).sin_cos();
-    let (u_, v) = (t - cos_alpha, s + alpha.sin() * cos_c);
-    let below = (v * s + u_ * t) * alpha.sin();
-    let q = if below == 0.0 { 1.0 } else { ((v * t - u_ * s) * cos_alpha - v) / below };
-    let q = q.clamp(-1.0, 1.0);
-    let third = q * a + (1.0 - q * q).sqrt() * tangent(a, c);
+    let (p, q) = (t - cos_alpha, s + alpha.sin() * cos_c);
+    let below = (q * s + p * t) * alpha.sin();
+    let along = if below == 0.0 { 1.0 } else { ((q * t - p * s) * cos_alpha - q) / below };
+    let along = along.clamp(-1.0, 1.0);
+    let third = along * a + (1.0 - along * along).sqrt() * tangent(a, c);
     let z = 1.0 - u[1] * (1.0 - third.dot(b));
     z * b + (1.0 - z * z).max(0.0).sqrt() * tangent(b, third)
 }

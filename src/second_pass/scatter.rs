@@ -147,7 +147,7 @@ impl<'a> Scatterer<'a> {
         if let Some(direct) = &self.ladder.direct {
             wave.spell_out(w);
             self.glow(wave, hits, film);
-            direct.add(wave, hits, film);
+            direct.add(self, wave, hits, film);
             if self.ladder.far.is_some() {
                 self.gather(wave, hits, film, next);
             }

@@ -6,6 +6,7 @@
 //! and only what is left by the ray tracer. [`mod@file`] keeps a graph for other runs. [`Links`] are what points see
 //! of clusters of points, for scenes with too many points for all pairs.
 
+mod against;
 mod block;
 mod blocker;
 mod build;

@@ -1,7 +1,8 @@
 //! The pairs of a tile, or of a block of two voxels, that no proof decides as a whole: tested against their
 //! candidates, or the paper's way.
 
-use super::block::{Bits, Hidden, SIDE, WORDS, count, span};
+use super::against::span;
+use super::block::{Bits, Hidden, SIDE, WORDS, count};
 use super::build::Build;
 use super::patch::Patch;
 use super::tile::{Flank, PairWork, Tile, pays};

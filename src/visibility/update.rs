@@ -7,7 +7,8 @@
 //! where a segment grazes something: where rays were cast, or are to be cast, nothing is copied but whole edges that
 //! nothing came near. So the graph has the bits of one that is built from nothing.
 
-use super::block::{Bits, Block, SIDE, WORDS, count, span};
+use super::against::span;
+use super::block::{Bits, Block, SIDE, WORDS, count};
 use super::build::{Build, GraphSettings, check};
 use super::cull::BoxShaft;
 use super::graph::{Edge, VisibilityGraph, stride_of};
@@ -43,6 +44,8 @@ struct Update<'a> {
     sides: Vec<Side>,
     /// and the first of each voxel; one more at the end.
     first_side: Vec<usize>,
+    /// For each voxel the one of the graph before that held the same points and no other.
+    same: Vec<Option<usize>>,
     /// Surfaces that are no longer there,
     gone: Changed,
     /// and those that were not.
@@ -131,6 +134,18 @@ impl VisibilityGraph {
     }
 }
 
+/// The voxel of `graph` that held the same `points` of a voxel, and no other.
+fn same_voxel(points: Range<usize>, graph: &VisibilityGraph, kept: &Kept) -> Option<usize> {
+    if points.is_empty() {
+        return None;
+    }
+    let first = kept.before(points.start)?;
+    let was = graph.voxel_of(first);
+    let same = graph.voxel(was) == (first..first + points.len())
+        && points.enumerate().all(|(k, i)| kept.before(i) == Some(first + k));
+    same.then_some(was)
+}
+
 /// The patches on one side of a block, each with the points of the side that lie on it.
 type Members<'a> = &'a [(Bits, &'a Patch)];
 
@@ -159,7 +174,9 @@ impl<'a> Update<'a> {
             Changed::new(surfaces, slack)
         };
         let (gone, come) = (changed(before, &kept.gone), changed(now, &kept.come));
-        Update { build, graph, kept, sides, first_side, gone, come }
+        let same =
+            (0..build.points.voxels()).map(|v| same_voxel(build.points.voxel(v), graph, kept)).collect();
+        Update { build, graph, kept, sides, first_side, same, gone, come }
     }
 
     /// What voxels `a <= b` see of each other.
@@ -171,7 +188,7 @@ impl<'a> Update<'a> {
         }
         let shaft = BoxShaft::new(&build.boxes[a], &build.boxes[b]);
         let untouched = !self.gone.touches(&shaft) && !self.come.touches(&shaft);
-        let same = [a, b].map(|v| self.same_voxel(v));
+        let same = [self.same[a], self.same[b]];
         if let [Some(was_a), Some(was_b)] = same
             && untouched
             && was_a <= was_b
@@ -203,16 +220,6 @@ impl<'a> Update<'a> {
             work.mirror();
         }
         work.result
-    }
-
-    /// The voxel of the graph before that held the same points as voxel `v` does, and no other.
-    fn same_voxel(&self, v: usize) -> Option<usize> {
-        let points = self.build.points.voxel(v);
-        let first = self.kept.before(points.start)?;
-        let was = self.graph.voxel_of(first);
-        let same = self.graph.voxel(was) == (first..first + points.len())
-            && points.enumerate().all(|(k, i)| self.kept.before(i) == Some(first + k));
-        same.then_some(was)
     }
 
     /// The edge as it was between two voxels.

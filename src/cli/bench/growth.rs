@@ -9,6 +9,7 @@ use luxgraph::report::bench::hall::hall;
 use luxgraph::report::bench::scale::{Growth, STAGES, growth};
 use luxgraph::report::paper_tables::group;
 use luxgraph::report::{Machine, write_json};
+use luxgraph::scene::Scene;
 use luxgraph::settings::Settings;
 use luxgraph::spectrum::Wavelengths;
 use serde::Serialize;
@@ -22,14 +23,19 @@ struct Report {
     growth: Growth,
 }
 
-/// Times every stage on a hall of desks at several numbers of points.
-pub fn run(args: &BenchHall) -> Result<()> {
-    let scene = hall(args.rows.into(), args.columns.into());
+/// The hall and the settings that were asked for.
+pub(super) fn asked(args: &BenchHall) -> Result<(Scene, Settings)> {
     let settings = Settings {
         tracer: tracer_choice(args.tracer),
         wavelengths: Wavelengths::parse(&args.wavelengths)?,
         ..Settings::default()
     };
+    Ok((hall(args.rows.into(), args.columns.into()), settings))
+}
+
+/// Times every stage on a hall of desks at several numbers of points.
+pub fn run(args: &BenchHall) -> Result<()> {
+    let (scene, settings) = asked(args)?;
     let growth = growth(&scene, &settings, &args.points, &Bars::new())?;
     print(&growth);
     let machine = Machine::this();

@@ -1,16 +1,13 @@
 //! `luxgraph bench hall --links`
 
+use super::growth::asked;
 use crate::cli::args::BenchHall;
 use crate::cli::progress::Bars;
-use crate::cli::run::tracer_choice;
 use crate::cli::say::say;
 use luxgraph::error::Result;
-use luxgraph::report::bench::hall::hall;
 use luxgraph::report::bench::linked::{LinkedGrowth, STAGES, linked_growth};
 use luxgraph::report::paper_tables::group;
 use luxgraph::report::{Machine, write_json};
-use luxgraph::settings::Settings;
-use luxgraph::spectrum::Wavelengths;
 use luxgraph::visibility::LinkSettings;
 use serde::Serialize;
 
@@ -25,12 +22,7 @@ struct Report {
 
 /// Times the exchange over links on a hall of desks at several numbers of points.
 pub fn run(args: &BenchHall) -> Result<()> {
-    let scene = hall(args.rows.into(), args.columns.into());
-    let settings = Settings {
-        tracer: tracer_choice(args.tracer),
-        wavelengths: Wavelengths::parse(&args.wavelengths)?,
-        ..Settings::default()
-    };
+    let (scene, settings) = asked(args)?;
     let mut links = LinkSettings::default();
     links.tolerance = args.link_tolerance.unwrap_or(links.tolerance);
     let growth = linked_growth(&scene, &settings, &links, &args.points, args.full, &Bars::new())?;
