@@ -131,6 +131,20 @@ fn a_report_is_json_with_units_in_its_names() {
     assert_eq!(json["first_pass"]["rays_cast"], 0);
     assert!(json["graph"]["build_s"].is_number());
     assert!(json["peak_memory_bytes"].is_u64());
+
+    let more = ["--second-pass", "gather", "--lamp-samples", "3", "--gather-samples", "4"];
+    render(
+        "scenes/cornell_box.toml",
+        &dir.path().join("b.exr"),
+        &[&more[..], &["--report", self::text(&report)]].concat(),
+    );
+    let text = std::fs::read_to_string(&report).expect("the report is there");
+    let json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+    let asked = &json["second_pass_settings"];
+    assert_eq!((&asked["rung"], &asked["samples"]), (&"gather".into(), &2.into()));
+    assert_eq!((&asked["lamp_samples"], &asked["gather_samples"]), (&3.into(), &4.into()));
+    let (cameras, gathered) = (&json["second_pass"]["camera_rays"], &json["second_pass"]["gather_rays"]);
+    assert!(gathered.as_u64() > cameras.as_u64().map(|n| 2 * n), "{json}");
 }
 
 #[test]
@@ -143,6 +157,10 @@ fn wrong_input_is_named_with_its_place() {
 
     fail(2, &["render", "scenes/paper_room.toml", "--samples", "0"]);
     fail(2, &["render", "scenes/paper_room.toml", "--second-pass", "guess"]);
+    let error = fail(2, &["render", "scenes/paper_room.toml", "--lamp-samples", "2"]);
+    assert!(error.contains("--second-pass direct"), "{error}");
+    let direct = ["render", "scenes/paper_room.toml", "--second-pass", "direct", "--gather-samples", "2"];
+    assert!(fail(2, &direct).contains("--second-pass gather"));
     let error = fail(2, &["render", "scenes/paper_room.toml", "--camera", "nowhere"]);
     assert!(error.contains("main"), "the cameras there are: {error}");
     let error = fail(2, &["render", "scenes/paper_room.toml", "--exposure", "bright"]);

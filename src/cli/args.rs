@@ -242,6 +242,14 @@ pub struct Options {
     /// Samples a pixel [default: the preset's, 16 in standard]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub samples: Option<u32>,
+    /// Shadow rays sent to lamps at every hit, with --second-pass direct or gather: more make soft shadows less noisy
+    /// in place of more samples a pixel, at the price of a shadow ray each [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub lamp_samples: Option<u32>,
+    /// Rays sent over the hemisphere of what a pixel sees, with --second-pass gather: more make diffuse light less
+    /// noisy, at the price of a ray and often a shadow ray each, of --samples times as many a pixel [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub gather_samples: Option<u32>,
     /// Seed of the second pass
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,

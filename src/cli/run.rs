@@ -9,7 +9,9 @@ use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, Geometry, MaterialId, SampledAppearance, Scene};
-use luxgraph::second_pass::{self, Checkpoint, Passes, Rung, SecondPassStats, SpectralImage};
+use luxgraph::second_pass::{
+    self, Checkpoint, Passes, Rung, SecondPassSettings, SecondPassStats, SpectralImage,
+};
 use luxgraph::settings::{Quality, Settings};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
@@ -40,12 +42,35 @@ pub fn settings(options: &Options) -> Result<Settings> {
         SecondPassArg::Direct => Rung::Direct,
         SecondPassArg::Gather => Rung::Gather,
     };
+    ladder_samples(options, &mut settings.second_pass)?;
     settings.first_pass.parts = settings.second_pass.rung != Rung::Interpolate;
     settings.second_pass.passes = match options.passes {
         PassesArg::First => Passes::FirstPassOnly,
         PassesArg::Both => Passes::Both,
     };
     Ok(settings)
+}
+
+/// How many rays the upper rungs send at a hit.
+fn ladder_samples(options: &Options, settings: &mut SecondPassSettings) -> Result<()> {
+    let refuse = |option: &str, rungs: &str| {
+        Err(Error::Settings(format!(
+            "{option} has no meaning on this rung: add --second-pass {rungs}, or leave it out"
+        )))
+    };
+    if let Some(samples) = options.lamp_samples {
+        if settings.rung == Rung::Interpolate {
+            return refuse("--lamp-samples", "direct or gather");
+        }
+        settings.lamp_samples = samples;
+    }
+    if let Some(samples) = options.gather_samples {
+        if settings.rung != Rung::Gather {
+            return refuse("--gather-samples", "gather");
+        }
+        settings.gather_samples = samples;
+    }
+    Ok(())
 }
 
 /// Settings of the light: the preset, then what was asked for.
@@ -344,6 +369,7 @@ impl Job<'_> {
             links: self.prepared.links.as_ref().map(|links| links.stats.clone()),
             graph_memory_bytes: self.prepared.graph.memory_bytes(),
             first_pass: solution.stats.clone(),
+            second_pass_settings: self.settings.second_pass,
             second_pass,
             exposure_ev: ev,
             total_s: self.started.elapsed().as_secs_f64(),

@@ -10,7 +10,7 @@ pub use machine::{Machine, peak_memory_bytes, processor_s, reset_peak_memory};
 use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::first_pass::FirstPassStats;
-use crate::second_pass::SecondPassStats;
+use crate::second_pass::{SecondPassSettings, SecondPassStats};
 use crate::visibility::{GraphStats, LinkStats};
 use serde::Serialize;
 use std::path::Path;
@@ -41,6 +41,8 @@ pub struct RunReport {
     pub graph_memory_bytes: u64,
     /// The first pass.
     pub first_pass: FirstPassStats,
+    /// How the second pass sampled.
+    pub second_pass_settings: SecondPassSettings,
     /// The second pass.
     pub second_pass: SecondPassStats,
     /// Exposure of the preview, EV.

@@ -2,6 +2,7 @@
 
 use super::lamps::{Lamps, Source};
 use super::scatter::{Film, Scatterer};
+use super::sequence::draw;
 use super::wave::Wave;
 use crate::geometry::{Hit, Side};
 use crate::scene::{Geometry, SampledAppearance};
@@ -93,8 +94,7 @@ impl<'a> Direct<'a> {
         for sample in 0..self.samples {
             let seed = film.seeds[path.pixel as usize] ^ OTHER_SEED;
             let index = path.index * self.samples + sample;
-            let set = (path.depth + path.bounces) % sobol_burley::NUM_DIMENSION_SETS_4D;
-            let [u, v, t, _] = sobol_burley::sample_4d(index, set, seed).map(f64::from);
+            let [u, v, t, _] = draw(index, path.depth + path.bounces, seed).map(f64::from);
             let Some(ask) = self.lamps.ask(self.geometry, (x, n), [u, v, t], &mut shadows.chances) else {
                 continue;
             };

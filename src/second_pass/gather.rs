@@ -2,6 +2,7 @@
 
 use super::ladder::NEAR_BOUNCES;
 use super::scatter::{Film, Scatterer};
+use super::sequence::draw;
 use super::wave::{Path, Wave};
 use crate::geometry::{Hit, Ray, Side};
 use std::f64::consts::TAU;
@@ -37,8 +38,7 @@ impl Scatterer<'_> {
         for ray in 0..rays {
             let index = path.index * rays + ray;
             let seed = film.seeds[path.pixel as usize] ^ OTHER_SEED;
-            let set = (path.depth + path.bounces) % sobol_burley::NUM_DIMENSION_SETS_4D;
-            let [u, v, chance, _] = sobol_burley::sample_4d(index, set, seed).map(f64::from);
+            let [u, v, chance, _] = draw(index, path.depth + path.bounces, seed).map(f64::from);
             // In proportion to the cosine, so that all bring the same share of the irradiance.
             let (sin, cos) = (TAU * u).sin_cos();
             let direction = v.sqrt() * (cos * t + sin * b) + (1.0 - v).sqrt() * n;

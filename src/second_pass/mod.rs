@@ -17,6 +17,7 @@ mod parted;
 mod probe;
 mod render;
 mod scatter;
+mod sequence;
 mod settings;
 mod shares;
 mod stencil;

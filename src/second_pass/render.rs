@@ -6,6 +6,7 @@ use super::eye::Look;
 use super::interpolate::Interpolator;
 use super::ladder::Fields;
 use super::scatter::{Film, Scatterer, brightness};
+use super::sequence::mix;
 use super::settings::{SecondPassSettings, SecondPassStats};
 use super::wave::{Fresh, Wave};
 use crate::error::{Error, Result};
@@ -267,11 +268,4 @@ impl Job<'_> {
             }
         }
     }
-}
-
-/// Scatters the bits of a number (the finaliser of MurmurHash3).
-fn mix(mut x: u32) -> u32 {
-    x = (x ^ x >> 16).wrapping_mul(0x85eb_ca6b);
-    x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
-    x ^ x >> 16
 }

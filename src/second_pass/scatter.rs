@@ -5,6 +5,7 @@ use super::interpolate::Apart;
 use super::ladder::{Ladder, NEARBY};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
+use super::sequence::draw;
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
 use super::take::{Manner, Take};
 use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
@@ -372,7 +373,7 @@ impl<'a> Scatterer<'a> {
 
     /// The numbers of a path's next event.
     fn uniform(&self, path: &Path, seed: u32) -> [f32; 4] {
-        sobol_burley::sample_4d(path.index, (path.depth + 1) % sobol_burley::NUM_DIMENSION_SETS_4D, seed)
+        draw(path.index, path.depth + 1, seed)
     }
 
     /// [`Scatterer::bright`] of what a path in a medium would carry outside it.

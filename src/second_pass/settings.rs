@@ -7,7 +7,8 @@ use serde::Serialize;
 const MAX_POINTS: u32 = 1 << 16;
 
 /// Which light the image shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Passes {
     /// L^d alone at the first hit: the paper's figures 7 and 8.
     FirstPassOnly,
@@ -16,7 +17,8 @@ pub enum Passes {
 }
 
 /// Where the second pass takes the diffuse light at a hit from: each rung is slower than the one before, and closer to the truth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Rung {
     /// The paper's: the first pass's, from the four closest sample points on the same surface.
     #[default]
@@ -28,7 +30,7 @@ pub enum Rung {
 }
 
 /// How the second pass samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SecondPassSettings {
     /// Which light the image shows.
     pub passes: Passes,
