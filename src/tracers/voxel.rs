@@ -4,7 +4,7 @@
 //! force finds, to the bit, only sooner.
 
 use super::brute_force::{segment_ray, side_met};
-use super::cull::{Block, LANES, Line, OrientedBox};
+use super::cull::{Blocks, LANES, Line, OrientedBox, Stretch};
 use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Surface, SurfaceId};
@@ -23,7 +23,7 @@ pub struct VoxelTracer {
     /// First block of each voxel: `[voxels + 1]`.
     starts: Vec<u32>,
     /// Boxes around the surfaces of each voxel, voxel by voxel.
-    blocks: Vec<Block>,
+    blocks: Blocks,
     /// Distance of the furthest corner of the voxels from the local origin, m.
     reach: f64,
 }
@@ -87,11 +87,12 @@ impl VoxelTracer {
     pub fn with_settings(geometry: &Geometry, settings: &VoxelSettings) -> Self {
         let voxels = Voxels::build(geometry, settings);
         let boxes: Vec<OrientedBox> = geometry.surfaces.iter().map(OrientedBox::around).collect();
-        let (mut starts, mut blocks) = (vec![0], Vec::new());
+        let (mut starts, mut blocks) = (vec![0], Blocks::default());
         for v in 0..voxels.len() {
-            let lists = voxels.surfaces_of(v).chunks(LANES);
-            blocks.extend(lists.map(|ids| Block::new(ids.iter().map(|id| (id.0, boxes[id.index()])))));
-            starts.push(blocks.len() as u32);
+            for ids in voxels.surfaces_of(v).chunks(LANES) {
+                blocks.push(ids.iter().map(|id| (id.0, geometry.surface(*id), boxes[id.index()])));
+            }
+            starts.push(blocks.count() as u32);
         }
         let bounds = voxels.scene_bounds();
         VoxelTracer {
@@ -125,11 +126,6 @@ impl VoxelTracer {
         &self.voxels
     }
 
-    #[inline(always)]
-    fn blocks_of(&self, voxel: usize) -> &[Block] {
-        &self.blocks[self.starts[voxel] as usize..self.starts[voxel + 1] as usize]
-    }
-
     /// Calls `meet` with what the ray meets, voxel by voxel and in no order within a voxel, until it says that
     /// no more is wanted: it is also told where the voxel ends. A surface may come several times.
     #[inline(always)]
@@ -140,19 +136,18 @@ impl VoxelTracer {
         mut goes_on: impl FnMut(f64) -> bool,
     ) {
         let Some(walk) = Walk::new(&self.voxels, ray) else { return };
-        let (start, end) = walk.limits();
+        let (_, end) = walk.limits();
         let frame = RayFrame::new(ray);
-        // The line's parameter runs from the start, its largest component at speed 1.
-        let slow = frame.inverse_speed();
+        // The line's largest component has speed 1.
         let speed = ray.direction.abs().max_element();
-        let line = Line::new(ray.at(start), slow * ray.direction, ray.origin, self.reach);
+        let line = Line::new(frame.inverse_speed() * ray.direction, ray.origin, self.reach);
         for step in walk {
             let (t0, t1) = (step.t_enter, step.t_exit.min(end));
-            let (middle, reach) = ((0.5 * (t0 + t1) - start) * speed, 0.5 * (t1 - t0) * speed);
-            for block in self.blocks_of(step.voxel) {
-                let mut candidates = block.candidates(&line, middle as f32, reach as f32);
+            let stretch = Stretch::new(ray.at(0.5 * (t0 + t1)), 0.5 * (t1 - t0) * speed);
+            for block in self.starts[step.voxel] as usize..self.starts[step.voxel + 1] as usize {
+                let (mut candidates, ids) = self.blocks.candidates(block, &line, &stretch);
                 while candidates != 0 {
-                    let id = block.ids[candidates.trailing_zeros() as usize / 8];
+                    let id = ids[candidates.trailing_zeros() as usize / 8];
                     candidates &= candidates - 1;
                     if let Some(t) = self.meet(SurfaceId(id), ray, &frame)
                         && !meet(t, SurfaceId(id))
