@@ -16,7 +16,7 @@ use luxgraph::pipeline;
 use luxgraph::points::{SamplePoints, Sampling, divide_by_area};
 use luxgraph::report::bench::hall::hall;
 use luxgraph::report::bench::linked::{Difference, difference};
-use luxgraph::scene::{Distribution, Geometry, MaterialId, ObjectId, PointLight, SampledAppearance};
+use luxgraph::scene::{Distribution, Geometry, Light, LightKind, MaterialId, ObjectId, SampledAppearance};
 use luxgraph::settings::Settings;
 use luxgraph::tracers::{TracerChoice, brute_force::BruteForce, choose};
 use luxgraph::visibility::{LinkSettings, Links, VisibilityGraph};
@@ -79,7 +79,10 @@ fn small_hall(max_area: f64) -> Lit {
 fn furnished(max_area: f64) -> Lit {
     let mut geometry = rooms::furnished_room(true);
     let position = DVec3::new(1.0, 1.0, 1.0);
-    let light = PointLight { name: "bulb".into(), position, distribution: Distribution::Isotropic };
+    let light = Light {
+        name: "bulb".into(),
+        kind: LightKind::Point { position, distribution: Distribution::Isotropic },
+    };
     geometry.lights.push(light);
     let points = rooms::sample(&geometry, max_area, 4);
     // The quadrilaterals of the luminaire are those of the fifth block, after the room, a table and three more.

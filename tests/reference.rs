@@ -7,7 +7,7 @@ use glam::DVec3;
 use luxgraph::first_pass::FirstPassSettings;
 use luxgraph::observer::Silent;
 use luxgraph::reference::{Reference, ReferenceSettings, render};
-use luxgraph::scene::{Camera, Distribution, PointLight};
+use luxgraph::scene::{Camera, Distribution, Light, LightKind};
 use luxgraph::second_pass::{self, Interpolator, LitScene, SecondPassSettings};
 use luxgraph::tracers::VoxelTracer;
 use std::f64::consts::PI;
@@ -102,8 +102,10 @@ fn lamps_light_what_is_under_them() {
     }
     let mut scene = TestScene::new(&[(floor, 0, false)], vec![diffuse(0.5, 0.0)], 4.0);
     let position = DVec3::new(0.0, 1.5, 0.0) - scene.geometry.centre;
-    scene.geometry.lights =
-        vec![PointLight { name: "l".into(), position, distribution: Distribution::Isotropic }];
+    scene.geometry.lights = vec![Light {
+        name: "l".into(),
+        kind: LightKind::Point { position, distribution: Distribution::Isotropic },
+    }];
     scene.appearance.lights = vec![vec![3.0; W]];
     let found = mean(&reference(&scene, &view, 16, 0));
     let expected = 0.5 / PI * 3.0 / (1.5 * 1.5);

@@ -4,7 +4,7 @@ use glam::DVec3;
 use luxgraph::error::Error;
 use luxgraph::first_pass::Solver;
 use luxgraph::observer::Silent;
-use luxgraph::scene::{Distribution, LightLevel, Scene, SceneDescription, load};
+use luxgraph::scene::{Distribution, LightKind, LightLevel, Scene, SceneDescription, load};
 use luxgraph::settings::Settings;
 use luxgraph::{pipeline, tracers};
 use std::path::PathBuf;
@@ -72,9 +72,13 @@ fn lights_sensors_and_grids_load_as_written() {
     ))
     .expect("loads");
     let [bulb, spot] = &scene.geometry.lights[..] else { panic!("two lights") };
-    assert_eq!(bulb.position + scene.geometry.centre, DVec3::ONE);
-    assert_eq!(bulb.distribution, Distribution::Isotropic);
-    let Distribution::Lambertian { axis } = spot.distribution else { panic!("a lambertian light") };
+    let LightKind::Point { position, distribution: Distribution::Isotropic } = &bulb.kind else {
+        panic!("an isotropic light")
+    };
+    assert_eq!(*position + scene.geometry.centre, DVec3::ONE);
+    let LightKind::Point { distribution: Distribution::Lambertian { axis }, .. } = spot.kind else {
+        panic!("a lambertian light")
+    };
     assert!((axis - DVec3::new(0.0, 0.6, -0.8)).length() < 1e-15);
     let levels: Vec<LightLevel> = scene.appearance.lights.iter().map(|l| l.level).collect();
     assert_eq!(levels, [LightLevel::LuminousFlux(100.0), LightLevel::LuminousIntensity(30.0)]);

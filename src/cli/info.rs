@@ -7,7 +7,8 @@ use luxgraph::geometry::Shape;
 use luxgraph::material::{Body, Material};
 use luxgraph::points::divide_by_area;
 use luxgraph::report::{Machine, write_json};
-use luxgraph::scene::{self, Scene};
+use luxgraph::scene::{self, Distribution, LightKind, Scene};
+use luxgraph::spectrum::luminance_of;
 use luxgraph::tracers::embree;
 use serde::Serialize;
 
@@ -33,7 +34,7 @@ struct Contents {
     points: usize,
     specular_points: usize,
     cameras: Vec<String>,
-    point_lights: Vec<String>,
+    lights: Vec<LightLine>,
     sensors: usize,
     grids: Vec<String>,
     materials: Vec<MaterialLine>,
@@ -50,6 +51,65 @@ struct MaterialLine {
     emits: bool,
     surfaces: usize,
     points: usize,
+}
+
+/// One light, with all its points.
+#[derive(Serialize)]
+struct LightLine {
+    name: String,
+    kind: &'static str,
+    points: usize,
+    flux_lm: Option<f64>,
+    illuminance_lx: Option<f64>,
+    /// Flux by the table of its IES file.
+    file_lm: Option<f64>,
+    /// Flux of the bare lamps by that file.
+    lamps_lm: Option<f64>,
+}
+
+fn lights(scene: &Scene) -> Vec<LightLine> {
+    let mut lines: Vec<LightLine> = Vec::new();
+    for (light, source) in scene.geometry.lights.iter().zip(&scene.appearance.lights) {
+        // An amount in lm or lx.
+        let amount = source.factor(light) * luminance_of(&source.spectrum);
+        if let Some(line) = lines.last_mut().filter(|line| line.name == light.name) {
+            line.points += 1;
+            line.flux_lm = line.flux_lm.map(|flux| flux + amount * light.flux_share());
+            continue;
+        }
+        let name = light.name.clone();
+        let LightKind::Point { distribution, .. } = &light.kind else {
+            let (kind, illuminance_lx) = ("directional", Some(amount));
+            let none = None;
+            let line = LightLine {
+                name,
+                kind,
+                points: 1,
+                flux_lm: none,
+                illuminance_lx,
+                file_lm: none,
+                lamps_lm: none,
+            };
+            lines.push(line);
+            continue;
+        };
+        let (kind, web) = match distribution {
+            Distribution::Isotropic => ("isotropic", None),
+            Distribution::Lambertian { .. } => ("lambertian", None),
+            Distribution::Spot { .. } => ("spot", None),
+            Distribution::Web { web, .. } => ("ies", Some(web)),
+        };
+        lines.push(LightLine {
+            name,
+            kind,
+            points: 1,
+            flux_lm: Some(amount * light.flux_share()),
+            illuminance_lx: None,
+            file_lm: web.map(|web| web.largest() * web.solid_angle()),
+            lamps_lm: web.and_then(|web| web.lamps_lm()),
+        });
+    }
+    lines
 }
 
 /// Prints what the build has, and what a scene requires.
@@ -133,7 +193,7 @@ fn contents(scene: &Scene) -> Contents {
             .map(|line| line.points)
             .sum(),
         cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
-        point_lights: geometry.lights.iter().map(|l| l.name.clone()).collect(),
+        lights: lights(scene),
         sensors: scene.sensors.len(),
         grids: scene.grids.iter().map(|g| g.name.clone()).collect(),
         materials,
@@ -157,8 +217,20 @@ fn print_contents(contents: &Contents) {
     say!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
     say!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);
     say!("cameras: {}", contents.cameras.join(", "));
-    if !contents.point_lights.is_empty() {
-        say!("point lights: {}", contents.point_lights.join(", "));
+    for line in &contents.lights {
+        let spread = if line.points > 1 { format!(", {} points", line.points) } else { String::new() };
+        let (amount, unit) = match line.illuminance_lx {
+            Some(lux) => (lux, "lx"),
+            None => (line.flux_lm.unwrap_or(0.0), "lm"),
+        };
+        let file = match (line.file_lm, line.lamps_lm) {
+            (Some(file), Some(lamps)) => {
+                format!("; its file: {file:.1} lm, {:.1} % of its lamps' {lamps:.0} lm", 100.0 * file / lamps)
+            }
+            (Some(file), None) => format!("; its file: {file:.1} lm, absolute photometry"),
+            _ => String::new(),
+        };
+        say!("light {}: {}{spread}, {amount:.1} {unit}{file}", line.name, line.kind);
     }
     if contents.sensors > 0 || !contents.grids.is_empty() {
         let grids = if contents.grids.is_empty() { "none".to_owned() } else { contents.grids.join(", ") };

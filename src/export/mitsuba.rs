@@ -5,7 +5,7 @@ use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::geometry::Round;
 use crate::material::{Body, Fresnel, Material, fresnel};
-use crate::scene::{Camera, Distribution, Scene};
+use crate::scene::{Camera, Distribution, Light, LightKind, LightSource, Scene};
 use crate::spectrum::Spectrum;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -36,18 +36,7 @@ pub fn export(scene: &Scene, camera: &Camera, samples: u32, folder: &Path) -> Re
     }
     writer.shapes(scene, folder)?;
     for (light, source) in scene.geometry.lights.iter().zip(&scene.appearance.lights) {
-        if light.distribution != Distribution::Isotropic {
-            writer.note(format!(
-                "light \"{}\": shines evenly in all directions, with its largest intensity",
-                light.name
-            ));
-        }
-        let factor = source.factor(&light.distribution);
-        let position = light.position + scene.geometry.centre;
-        writer.line(1, "<emitter type=\"point\">");
-        writer.line(2, &point("position", position));
-        writer.spectrum(2, "intensity", &|nm| factor * source.spectrum.at(nm));
-        writer.line(1, "</emitter>");
+        writer.light(light, source, scene.geometry.centre);
     }
     writer.line(0, "</scene>");
     atomic_file::write(&folder.join("scene.xml"), writer.xml.as_bytes())?;
@@ -86,6 +75,35 @@ impl Writer {
         self.line(depth + 1, &float("wavelength_max", LAST_NM.into()));
         self.line(depth + 1, &format!("<string name=\"values\" value=\"{}\"/>", values.join(", ")));
         self.line(depth, "</spectrum>");
+    }
+
+    fn light(&mut self, light: &Light, source: &LightSource, centre: DVec3) {
+        let factor = source.factor(light);
+        let of = |nm: f64| factor * source.spectrum.at(nm);
+        let (position, distribution) = match &light.kind {
+            LightKind::Point { position, distribution } => (*position + centre, distribution),
+            LightKind::Directional { from, radius, .. } => {
+                if *radius > 0.0 {
+                    self.note(format!("light \"{}\": casts sharp shadows", light.name));
+                }
+                let DVec3 { x, y, z } = -*from;
+                self.line(1, "<emitter type=\"directional\">");
+                self.line(2, &format!("<vector name=\"direction\" x=\"{x}\" y=\"{y}\" z=\"{z}\"/>"));
+                self.spectrum(2, "irradiance", &of);
+                self.line(1, "</emitter>");
+                return;
+            }
+        };
+        if *distribution != Distribution::Isotropic {
+            self.note(format!(
+                "light \"{}\": shines evenly in all directions, with its largest intensity",
+                light.name
+            ));
+        }
+        self.line(1, "<emitter type=\"point\">");
+        self.line(2, &point("position", position));
+        self.spectrum(2, "intensity", &of);
+        self.line(1, "</emitter>");
     }
 
     fn head(&mut self, scene: &Scene, camera: &Camera, samples: u32) {

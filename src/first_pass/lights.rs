@@ -1,4 +1,4 @@
-//! Point lights: what they bring to sample points, and what specular points make of it.
+//! Lights without a body: what they bring to sample points, and what specular points make of it.
 
 use super::bounce::reflectance;
 use super::directions::{Direction, Directions, LANES};
@@ -7,13 +7,15 @@ use super::lobe_table::{BAND, Band};
 use super::member::{Frame, outside};
 use super::scatter::{Lobe, Scatter};
 use super::specular::SpecularSet;
+use super::stats::over_area;
 use crate::points::{Piece, SamplePoints};
-use crate::scene::{Distribution, Geometry, PointLight, SampledAppearance};
+use crate::scene::{Distribution, Geometry, Light, LightKind, SampledAppearance};
 use crate::simd::wide;
 use crate::visibility::VisibilityGraph;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
-/// The light of all point lights where it falls.
+/// The light of all lights without a body where it falls.
 #[derive(Clone, Debug, Default)]
 pub struct PointLighting {
     /// E of every point, the mean over its element, W m⁻² nm⁻¹: `[W][N]`; empty without lights.
@@ -56,16 +58,16 @@ impl PointLighting {
         let mut specular_at = vec![None; n];
         set.points.iter().enumerate().for_each(|(s, p)| specular_at[p.point as usize] = Some(s));
         for (l, (light, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
+            let shares = shares(light, points, |i| graph.lit(l, i));
             for (flux, i) in lighting.flux.iter_mut().zip(intensity) {
-                *flux += light.distribution.solid_angle() * f64::from(*i);
+                *flux += flux_share(light, points, &shares) * f64::from(*i);
             }
-            for i in (0..n).filter(|&i| graph.lit(l, i)) {
-                let share = share(light, points, i);
+            for (i, &share) in shares.iter().enumerate().filter(|(_, share)| **share > 0.0) {
                 for (k, intensity) in intensity.iter().enumerate() {
                     lighting.irradiance[k * n + i] += share * intensity;
                 }
-                let Some(s) = specular_at[i].filter(|_| share > 0.0) else { continue };
-                let (direction, distance) = Frame::new(points, i).place(points, i, light.position.as_vec3());
+                let Some(s) = specular_at[i] else { continue };
+                let (direction, distance) = Frame::new(points, i).place(points, i, light.place().as_vec3());
                 let absorption = set.material(&set.points[s]).filter(|_| set.points[s].inside);
                 let mut incoming = Incoming {
                     direction,
@@ -166,37 +168,85 @@ fn scale(from: &mut Directions, to: &Directions, albedo: impl Fn(f32) -> f32) {
     }
 }
 
-/// Irradiance of point `i`, the mean over its element, over the largest intensity of a light that reaches it, sr m⁻².
-pub(super) fn share(light: &PointLight, points: &SamplePoints, i: usize) -> f32 {
-    let into = match points.round(i) {
-        Some(piece) => into_piece(light, &piece),
-        None => into(light, &points.corners[i]),
-    };
-    (into / f64::from(points.area[i])) as f32
+/// Irradiance of all points, the mean over the element of each, over the amount of a light that reaches those that are
+/// `lit`; 0 for the others.
+pub(super) fn shares(light: &Light, points: &SamplePoints, lit: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+    let of = |i: usize| if lit(i) { share(light, points, i) } else { 0.0 };
+    (0..points.len()).into_par_iter().map(of).collect()
 }
 
-/// Flux into an element over the largest intensity, sr: exact, so that the elements around a light
-/// receive all of it.
-fn into(light: &PointLight, corners: &[Vec3; 4]) -> f64 {
-    match light.distribution {
-        Distribution::Isotropic => {
-            let [a, b, c, d] = corners.map(|v| v.as_dvec3() - light.position);
-            solid_angle(a, b, c) + solid_angle(a, c, d)
-        }
-        Distribution::Lambertian { axis } => exact(light.position.as_vec3(), axis.as_vec3(), corners),
+/// Flux over the amount of a light whose `shares` these are; of one from infinity only what falls on something.
+pub(super) fn flux_share(light: &Light, points: &SamplePoints, shares: &[f32]) -> f64 {
+    match light.kind {
+        LightKind::Point { .. } => light.flux_share(),
+        LightKind::Directional { .. } => over_area(points, |i| f64::from(shares[i])),
     }
 }
 
-/// The same for a piece of a disc or a sphere: by pieces that subtend little.
-fn into_piece(light: &PointLight, piece: &Piece) -> f64 {
+fn share(light: &Light, points: &SamplePoints, i: usize) -> f32 {
+    let area = f64::from(points.area[i]);
+    let share = match (&light.kind, points.round(i)) {
+        (LightKind::Point { position, distribution }, None) => {
+            into(*position, distribution, &points.corners[i]) / area
+        }
+        (LightKind::Directional { from, .. }, None) => from.dot(points.normal[i].as_dvec3()).max(0.0),
+        (_, Some(piece)) => into_piece(light, &piece) / area,
+    };
+    share as f32
+}
+
+/// Flux into an element from a point over the largest intensity, sr: exact, so that the elements around a light
+/// receive all of it, or for what is measured as good as that.
+fn into(position: DVec3, distribution: &Distribution, corners: &[Vec3; 4]) -> f64 {
+    match distribution {
+        Distribution::Isotropic => {
+            let [a, b, c, d] = corners.map(|v| v.as_dvec3() - position);
+            solid_angle(a, b, c) + solid_angle(a, c, d)
+        }
+        Distribution::Lambertian { axis } => exact(position.as_vec3(), axis.as_vec3(), corners),
+        Distribution::Spot { .. } | Distribution::Web { .. } => {
+            into_pieces(distribution, corners.map(|v| v.as_dvec3() - position), DEEPEST)
+        }
+    }
+}
+
+/// No element is divided more often.
+const DEEPEST: u8 = 8;
+
+/// The same with the light in the origin: by pieces over which the intensity is all but linear.
+fn into_pieces(distribution: &Distribution, corners: [DVec3; 4], depth: u8) -> f64 {
+    // Pieces are divided until they subtend less than the first whatever they receive, and until they subtend less
+    // than the last as long as the intensity over them differs.
+    const SMALL: f64 = 4e-3;
+    const SMALLEST: f64 = 2e-5;
+    const EVEN: f64 = 0.02;
+    let [a, b, c, d] = corners;
+    let solid_angle = solid_angle(a, b, c) + solid_angle(a, c, d);
+    let towards = |v: DVec3| distribution.towards(v.normalize_or(DVec3::Z));
+    let at = corners.map(towards);
+    let middle = 0.25 * (a + b + c + d);
+    let centre = towards(middle);
+    let (low, high) = at.iter().fold((centre, centre), |(l, h), x| (l.min(*x), h.max(*x)));
+    let even = solid_angle < SMALLEST || high - low <= EVEN * high.max(0.05);
+    if depth == 0 || solid_angle < SMALL && even {
+        // The middle and the corners miss a curved intensity by opposite amounts, as one to two.
+        let mean = (0.25 * at.iter().sum::<f64>() + 2.0 * centre) / 3.0;
+        return solid_angle * mean;
+    }
+    let [ab, bc, cd, da] = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + d), 0.5 * (d + a)];
+    [[a, ab, middle, da], [ab, b, bc, middle], [middle, bc, c, cd], [da, middle, cd, d]]
+        .into_iter()
+        .map(|quarter| into_pieces(distribution, quarter, depth - 1))
+        .sum()
+}
+
+/// Flux into a piece of a disc or a sphere over the amount of a light, sr or m²: by pieces that subtend little.
+fn into_piece(light: &Light, piece: &Piece) -> f64 {
     const SMALL: f64 = 2.5e-3;
-    const DEEPEST: u8 = 8;
-    let fine = |place: DVec3, area: f64| area <= SMALL * place.distance_squared(light.position);
+    let fine = |place: DVec3, area: f64| area <= SMALL * place.distance_squared(light.place());
     piece.sum(DEEPEST, fine, |place, normal, area| {
-        let way = place - light.position;
-        let distance = way.length();
-        let solid_angle = area * (-normal.dot(way)).max(0.0) / distance.powi(3);
-        let share = solid_angle * light.distribution.towards(way / distance);
+        let way = light.seen_from(place);
+        let share = area * normal.dot(way.direction).max(0.0) * way.share;
         if share.is_finite() { share } else { 0.0 }
     })
 }
@@ -215,16 +265,28 @@ mod tests {
 
     #[test]
     fn the_faces_of_a_box_share_all_directions() {
-        let face = |z: f32| {
+        fn face(z: f32) -> [Vec3; 4] {
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]: [f32; 2]| Vec3::new(x, y, z))
-        };
-        let light = |distribution| PointLight { name: String::new(), position: DVec3::ZERO, distribution };
-        let isotropic = light(Distribution::Isotropic);
-        assert!((6.0 * into(&isotropic, &face(1.0)) - 4.0 * PI).abs() < 1e-9);
-        let lambertian = light(Distribution::Lambertian { axis: DVec3::Z });
+        }
+        fn at_origin(distribution: &Distribution, z: f32) -> f64 {
+            into(DVec3::ZERO, distribution, &face(z))
+        }
+        assert!((6.0 * at_origin(&Distribution::Isotropic, 1.0) - 4.0 * PI).abs() < 1e-9);
+        let lambertian = Distribution::Lambertian { axis: DVec3::Z };
         // Four quarters, each sqrt(1/2) atan sqrt(1/2) / pi (a rectangle's corner over a point).
         let root = 0.5f64.sqrt();
-        assert!((into(&lambertian, &face(1.0)) - 4.0 * root * root.atan()).abs() < 1e-9);
-        assert!(into(&lambertian, &face(-1.0)).abs() < 1e-12);
+        assert!((at_origin(&lambertian, 1.0) - 4.0 * root * root.atan()).abs() < 1e-9);
+        assert!(at_origin(&lambertian, -1.0).abs() < 1e-12);
+        let spot = |inner: f64, outer: f64| Distribution::Spot {
+            axis: DVec3::Z,
+            inner: inner.to_radians().cos(),
+            outer: outer.to_radians().cos(),
+        };
+        for (inner, outer) in [(0.0, 40.0), (20.0, 30.0), (30.0, 30.0), (2.0, 5.0)] {
+            let spot = spot(inner, outer);
+            let found = at_origin(&spot, 1.0);
+            assert!((found / spot.solid_angle() - 1.0).abs() < 3e-3, "{inner} {outer}: {found}");
+            assert_eq!(at_origin(&spot, -1.0), 0.0);
+        }
     }
 }

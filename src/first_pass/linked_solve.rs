@@ -1,6 +1,6 @@
 //! The first pass over links: one scene under one appearance after another.
 
-use super::lights::share;
+use super::lights::{flux_share, shares};
 use super::linked::LinkedOperator;
 use super::rooms::{linked_rooms, weights};
 use super::settings::{FirstPassSettings, Solver};
@@ -178,12 +178,12 @@ impl<'a> LinkedRelighter<'a> {
             light.lights = vec![0.0; n * w];
         }
         for (l, (source, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
-            for (k, intensity) in intensity.iter().enumerate() {
-                light.of_lights[k] += source.distribution.solid_angle() * f64::from(*intensity);
-            }
-            for i in (0..n).filter(|&i| self.links.lit(l, i)) {
-                let share = share(source, points, i);
-                (0..w).for_each(|k| light.lights[k * n + i] += share * intensity[k]);
+            let shares = shares(source, points, |i| self.links.lit(l, i));
+            let flux = flux_share(source, points, &shares);
+            for (k, &intensity) in intensity.iter().enumerate() {
+                light.of_lights[k] += flux * f64::from(intensity);
+                let own = &mut light.lights[k * n..][..n];
+                own.iter_mut().zip(&shares).for_each(|(e, share)| *e += share * intensity);
             }
         }
         let emitted = flux(points, &light.emission, w);

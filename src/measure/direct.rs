@@ -1,4 +1,4 @@
-//! Light that comes straight from emitting surfaces and point lights.
+//! Light that comes straight from emitting surfaces and lights without a body.
 
 use super::cell::{Cell, sides};
 use super::place::Place;
@@ -39,12 +39,9 @@ impl<'a> Direct<'a> {
             irradiance.iter_mut().zip(emission).for_each(|(e, l)| *e += seen * f64::from(*l));
         }
         for (light, intensity) in self.scene.geometry.lights.iter().zip(&self.scene.appearance.lights) {
-            let to_light = light.position - place.position;
-            let (distance2, height) = (to_light.length_squared(), place.height(light.position));
-            if height > 0.0 && !self.blocked(&[place.segment(light.position.as_vec3())])[0] {
-                let distance = distance2.sqrt();
-                let share =
-                    light.distribution.towards(-to_light / distance) * height / (distance * distance2);
+            let (way, height) = (light.seen_from(place.position), light.height(place.position, place.normal));
+            if height > 0.0 && !self.blocked(&[place.segment(way.end.as_vec3())])[0] {
+                let share = way.share * place.normal.dot(way.direction);
                 irradiance.iter_mut().zip(intensity).for_each(|(e, i)| *e += share * f64::from(*i));
             }
         }

@@ -28,7 +28,7 @@ const MOST: usize = 1024;
 
 /// All that can be shown.
 pub(super) struct Emitters {
-    /// Emitting surfaces, and point lights as cells without extent.
+    /// Emitting surfaces, and lights as cells without extent.
     cells: Vec<Cell>,
 }
 
@@ -44,7 +44,7 @@ impl Emitters {
             side: Side::Front,
             depth: 0,
         };
-        cells.extend(scene.geometry.lights.iter().map(|l| point(l.position)));
+        cells.extend(scene.geometry.lights.iter().map(|l| point(l.place())));
         if cells.len() > MOST {
             cells.clear();
         }

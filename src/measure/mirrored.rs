@@ -1,10 +1,10 @@
-//! Point lights as a sensor sees them in one specular surface, and straight through panes.
+//! Lights without a body as a sensor sees them in one specular surface, and straight through panes.
 
 use super::cell::{Cell, sides};
 use super::place::Place;
 use crate::geometry::{Ray, Side, Surface, SurfaceId};
 use crate::material::{SampledMaterial, Transmission, microfacet};
-use crate::scene::PointLight;
+use crate::scene::Light;
 use crate::second_pass::LitScene;
 use crate::tracers::RayTracer;
 use glam::DVec3;
@@ -48,14 +48,12 @@ impl<'a> Mirrored<'a> {
                     *e += share * f64::from(i * t);
                 }
             };
-            let straight = light.position - place.position;
-            if place.height(light.position) > 0.0
-                && let Some((through, 1..)) = self.through(place.position, light.position)
+            let way = light.seen_from(place.position);
+            let cosine = place.normal.dot(way.direction);
+            if cosine > 0.0
+                && let Some((through, 1..)) = self.through(place.position, way.end)
             {
-                let distance = straight.length();
-                let cosine = place.height(light.position) / distance;
-                let share = light.distribution.towards(-straight / distance) * cosine / distance.powi(2);
-                add(irradiance, share, &through);
+                add(irradiance, way.share * cosine, &through);
             }
             for &(surface, side) in &self.mirrors {
                 if let Some((share, through)) = self.image(place, light, surface, side) {
@@ -72,42 +70,36 @@ impl<'a> Mirrored<'a> {
 
     /// A light in a mirror, by its image behind it: irradiance over intensity but for the second
     /// factor, which depends on wavelength.
-    fn image(
-        &self,
-        place: &Place,
-        light: &PointLight,
-        surface: SurfaceId,
-        side: Side,
-    ) -> Option<(f64, Vec<f32>)> {
+    fn image(&self, place: &Place, light: &Light, surface: SurfaceId, side: Side) -> Option<(f64, Vec<f32>)> {
         let mirror = self.scene.geometry.surface(surface);
         let turn = if side == Side::Front { 1.0 } else { -1.0 };
-        let (ours, its) = (turn * mirror.distance(place.position), turn * mirror.distance(light.position));
+        let normal = turn * mirror.plane()?.normal;
+        let foot = place.position - turn * mirror.distance(place.position) * normal;
+        let (ours, its) = (normal.dot(place.position - foot), light.height(foot, normal));
         if ours <= self.above || its <= self.above {
             return None;
         }
-        let normal = mirror.plane()?.normal;
-        let image = light.position - 2.0 * its * turn * normal;
-        let way = image - place.position;
-        let met = place.position + ours / (ours + its) * way;
-        if place.height(met) <= 0.0 || !contains(mirror, normal, met) {
+        let way = light.mirrored(foot, normal).seen_from(place.position);
+        let slope = -normal.dot(way.direction);
+        let met = place.position + ours / slope * way.direction;
+        let cosine = place.normal.dot(way.direction);
+        if slope <= 0.0 || cosine <= 0.0 || !contains(mirror, normal * turn, met) {
             return None;
         }
-        let above = met + self.above * turn * normal;
+        let above = met + self.above * normal;
         let (near, _) = self.through(place.position, above)?;
-        let (far, _) = self.through(above, light.position)?;
+        let (far, _) = self.through(above, light.seen_from(above).end)?;
         let material = self.scene.appearance.of(surface);
-        let (distance, leg) = (way.length(), (met - light.position).normalize());
         let mut through = vec![0.0; near.len()];
-        material.reflect.eval(((ours + its) / distance) as f32, &mut through);
+        material.reflect.eval(slope as f32, &mut through);
         for ((t, near), far) in through.iter_mut().zip(near).zip(far) {
             *t *= near * far;
         }
-        let cosine = place.height(met) / (met - place.position).length();
-        Some((material.s * light.distribution.towards(leg) * cosine / distance.powi(2), through))
+        Some((material.s * way.share * cosine, through))
     }
 
     /// Radiance over intensity that a rough piece of surface sends along `ray` of a light.
-    fn gloss(&self, light: &PointLight, cell: &Cell, ray: &Ray) -> Option<(f64, Vec<f32>)> {
+    fn gloss(&self, light: &Light, cell: &Cell, ray: &Ray) -> Option<(f64, Vec<f32>)> {
         let material = self.scene.appearance.of(cell.surface);
         if material.m < MIRROR {
             return None;
@@ -125,19 +117,19 @@ impl<'a> Mirrored<'a> {
             }
         };
         let n = if cell.side == Side::Front { normal } else { -normal };
-        let (distance, i) = ((light.position - met).length(), (light.position - met).normalize_or_zero());
+        let way = light.seen_from(met);
+        let i = way.direction;
         let (ni, nr) = (n.dot(i), n.dot(o));
         let h = (i + o).normalize_or_zero();
         let lobe = microfacet::rs_over_f(ni, nr, n.dot(h), i.dot(h), material.m);
-        if lobe <= 0.0 {
+        if lobe.is_nan() || lobe <= 0.0 {
             return None;
         }
-        let (mut through, _) = self.through(met + self.above * n, light.position)?;
+        let (mut through, _) = self.through(met + self.above * n, way.end)?;
         let mut fresnel = vec![0.0; through.len()];
         material.reflect.eval(i.dot(h) as f32, &mut fresnel);
         through.iter_mut().zip(&fresnel).for_each(|(t, f)| *t *= f);
-        let irradiance = light.distribution.towards(-i) * ni / distance.powi(2);
-        Some((material.s * lobe * irradiance, through))
+        Some((material.s * lobe * way.share * ni, through))
     }
 
     /// What panes let through on the straight way between two places, `[W]`, and how many there are;

@@ -4,7 +4,7 @@ use crate::geometry::{Round, Side, SurfaceId};
 use crate::scene::{Geometry, SampledAppearance};
 use glam::DVec3;
 
-/// All that emits: sides of surfaces, and point lights.
+/// All that emits: sides of surfaces, and lights without a body.
 pub struct Emitters {
     list: Vec<Emitter>,
     /// Sums of the chances, the last 1.
@@ -20,26 +20,27 @@ enum Emitter {
     Light(usize),
 }
 
-/// A place on an emitter.
+/// What is asked for its light.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
-    /// Where, m.
-    pub position: DVec3,
-    /// Unit normal on the emitting side; `None` for a point light.
-    pub normal: Option<DVec3>,
-    /// The surface, or the number of the point light.
-    pub origin: Origin,
-    /// Density of the place, 1/m², or the chance of the light.
-    pub density: f64,
-}
-
-/// What a place is on.
-#[derive(Clone, Copy, Debug)]
-pub enum Origin {
-    /// A surface.
-    Surface(SurfaceId),
-    /// A point light.
-    Light(usize),
+pub enum Source {
+    /// A place on a surface.
+    Surface {
+        /// The surface.
+        id: SurfaceId,
+        /// The place, m.
+        position: DVec3,
+        /// Unit, on the emitting side.
+        normal: DVec3,
+        /// Density of the place, 1/m².
+        density: f64,
+    },
+    /// A light without a body.
+    Light {
+        /// Its number.
+        k: usize,
+        /// Chance with which it is asked.
+        chance: f64,
+    },
 }
 
 /// Front 0, back 1.
@@ -65,7 +66,7 @@ impl Emitters {
         for (k, (light, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
             if intensity.iter().any(|&i| i > 0.0) {
                 list.push(Emitter::Light(k));
-                power.push(bright(intensity) * light.distribution.solid_angle());
+                power.push(bright(intensity) * light.flux_share());
             }
         }
         let total: f64 = power.iter().sum();
@@ -90,26 +91,21 @@ impl Emitters {
         self.list.is_empty()
     }
 
-    /// A place on one of them, for three uniform numbers in [0, 1).
+    /// One of them, and a place on it if it has a body, for three uniform numbers in [0, 1).
     pub fn draw(&self, geometry: &Geometry, u: [f64; 3]) -> Source {
         let last = self.list.len() - 1;
         let at = self.cumulative.partition_point(|&c| c <= u[0] * self.cumulative[last]).min(last);
         match self.list[at] {
             Emitter::Light(k) => {
                 let below = if at == 0 { 0.0 } else { self.cumulative[at - 1] };
-                Source {
-                    position: geometry.lights[k].position,
-                    normal: None,
-                    origin: Origin::Light(k),
-                    density: self.cumulative[at] - below,
-                }
+                Source::Light { k, chance: self.cumulative[at] - below }
             }
             Emitter::Surface(id, side) => {
                 let position = place(geometry, id, u[1], u[2]);
                 let front = geometry.surface(id).normal_at(position);
                 let normal = if side == Side::Front { front } else { -front };
                 let density = self.density(geometry, id, side);
-                Source { position, normal: Some(normal), origin: Origin::Surface(id), density }
+                Source::Surface { id, position, normal, density }
             }
         }
     }

@@ -1,7 +1,7 @@
 //! What becomes of a path where it meets a surface.
 
 use super::bsdf::Opaque;
-use super::emitters::Origin;
+use super::emitters::Source;
 use super::path::{Path, Tracing, Wave, uniform};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
@@ -104,28 +104,32 @@ impl Tracing<'_> {
     ) {
         let u = uniform(&met.path, 0);
         let source = self.emitters.draw(self.geometry, [u[0], u[1], u[2]]);
-        let way = source.position - met.position;
-        let distance2 = way.length_squared();
-        let distance = distance2.sqrt();
-        let r = way / distance;
-        if distance <= 0.0 || met.n.dot(r) <= 0.0 {
+        let (end, r) = match source {
+            Source::Surface { position, .. } => (position, (position - met.position).normalize_or_zero()),
+            Source::Light { k, .. } => {
+                let way = self.geometry.lights[k].drawn_from(met.position, u[1], u[2]);
+                (way.end, way.direction)
+            }
+        };
+        let cosine = met.n.dot(r);
+        if cosine.is_nan() || cosine <= 0.0 {
             return;
         }
+        let distance = end.distance(met.position);
         let density = at.eval(r, &mut room.value, &mut room.fresnel);
-        let (emission, factor) = match (source.origin, source.normal) {
-            (Origin::Surface(id), Some(normal)) => {
+        let (emission, factor) = match source {
+            Source::Surface { id, normal, density: of_place, .. } => {
                 let cosine = -normal.dot(r);
                 if cosine <= 0.0 {
                     return;
                 }
-                let asked = source.density * distance2 / cosine;
+                let asked = of_place * distance * distance / cosine;
                 (&self.appearance.of(id).emission, power(asked, density) / asked)
             }
-            (Origin::Light(k), _) => {
-                let towards = self.geometry.lights[k].distribution.towards(-r);
-                (&self.appearance.lights[k], towards / (distance2 * source.density))
+            Source::Light { k, chance } => {
+                let share = self.geometry.lights[k].seen_from(met.position).share;
+                (&self.appearance.lights[k], share / chance)
             }
-            (Origin::Surface(_), None) => return,
         };
         let first = light.len();
         for ((value, t), l) in room.value.iter().zip(throughput).zip(emission) {
@@ -137,7 +141,7 @@ impl Tracing<'_> {
             return;
         }
         let from = met.position + self.offset[met.surface.index()] * met.n;
-        segments.push(Segment { from: from.as_vec3(), to: source.position.as_vec3() });
+        segments.push(Segment { from: from.as_vec3(), to: end.as_vec3() });
         targets.push(met.path.pixel);
     }
 

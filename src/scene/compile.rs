@@ -1,7 +1,7 @@
 //! From a description to a scene: all validation happens here.
 
 use super::description::{CameraTable, MaterialTable, Name, SamplingTable};
-use super::emission::of_light;
+use super::lights;
 use super::materials::Materials;
 use super::parts::{Part, parts};
 use super::places::{self, unique, vector};
@@ -41,7 +41,7 @@ pub fn scene(description: &SceneDescription) -> Result<Scene> {
     };
     let Shaped { mut geometry, mut notes } = shape(description, &parts, both_sides)?;
     let sampling = sampling(&description.sources, &document.sampling, &geometry)?;
-    geometry.lights = places::lights(description, geometry.centre)?;
+    geometry.lights = lights::lights(description, geometry.centre, geometry.radius)?;
     let (sensors, grids) = places::sensors(description)?;
     let cameras = cameras(description)?;
     let appearance = appearance(description, &geometry)?;
@@ -80,11 +80,8 @@ pub fn appearance(description: &SceneDescription, geometry: &Geometry) -> Result
         // `parts` has checked that the material exists.
         surface_material.push(ids[part.material.as_str()]);
     }
-    if document.lights.len() != geometry.lights.len() {
-        return Err(sources.error(0, "this geometry was not compiled with the lights of this scene file"));
-    }
-    let lights = document.lights.iter().map(|l| of_light(sources, &compiler.spectra, l));
-    Ok(Appearance { materials, surface_material, lights: lights.collect::<Result<_>>()? })
+    let lights = lights::sources(description, &compiler.spectra, geometry)?;
+    Ok(Appearance { materials, surface_material, lights })
 }
 
 /// The key that asks for both sides, if `part` wears a material that does.

@@ -201,13 +201,22 @@ pub struct SphereTable {
 #[serde(deny_unknown_fields)]
 pub struct LightTable {
     pub name: Name,
-    pub position: Spanned<[f64; 3]>,
+    pub position: Option<Spanned<[f64; 3]>>,
     pub distribution: Option<Name>,
     pub direction: Option<Spanned<[f64; 3]>>,
+    pub inner_cone_deg: Option<Spanned<f64>>,
+    pub outer_cone_deg: Option<Spanned<f64>>,
+    pub diameter_deg: Option<Spanned<f64>>,
+    pub ies: Option<Name>,
+    pub c0: Option<Spanned<[f64; 3]>>,
+    pub up: Option<Spanned<[f64; 3]>>,
+    pub spread: Option<Spanned<[u32; 2]>>,
     pub illuminant: Option<Name>,
     pub spectrum: Option<Spanned<SpectrumRef>>,
     pub luminous_flux: Option<Spanned<f64>>,
     pub luminous_intensity: Option<Spanned<f64>>,
+    pub illuminance: Option<Spanned<f64>>,
+    pub scale: Option<Spanned<f64>>,
 }
 
 /// `[lights.NAME]` in changes.
@@ -218,6 +227,8 @@ pub struct LightChanges {
     pub spectrum: Option<Spanned<SpectrumRef>>,
     pub luminous_flux: Option<Spanned<f64>>,
     pub luminous_intensity: Option<Spanned<f64>>,
+    pub illuminance: Option<Spanned<f64>>,
+    pub scale: Option<Spanned<f64>>,
 }
 
 /// `[[moves]]` in changes.

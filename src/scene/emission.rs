@@ -1,7 +1,6 @@
-//! From the `emission` of a material and the keys of a light to spectra and amounts.
+//! From the `emission` of a material and the like keys of a light to spectra and amounts.
 
-use super::description::{EmissionTable, LightTable, Name, SpectrumRef};
-use super::light::{LightLevel, LightSource};
+use super::description::{EmissionTable, Name, SpectrumRef};
 use super::source::Sources;
 use super::spectra::{Spectra, Use};
 use super::suggest;
@@ -11,7 +10,7 @@ use crate::spectrum::{Spectrum, library};
 use toml::Spanned;
 
 /// Amounts that may be given, and what each means.
-type Ways<'a, L, const N: usize> = [(&'a Option<Spanned<f64>>, fn(f64) -> L); N];
+pub type Ways<'a, L, const N: usize> = [(&'a Option<Spanned<f64>>, fn(f64) -> L); N];
 
 /// The emission of a material.
 pub fn of_material(sources: &Sources, spectra: &Spectra, at: &Spanned<EmissionTable>) -> Result<Emission> {
@@ -29,21 +28,8 @@ pub fn of_material(sources: &Sources, spectra: &Spectra, at: &Spanned<EmissionTa
     Ok(Emission { spectrum: spectrum.0, level })
 }
 
-/// What a point light gives.
-pub fn of_light(sources: &Sources, spectra: &Spectra, at: &Spanned<LightTable>) -> Result<LightSource> {
-    let (table, place) = (at.get_ref(), at.span().start);
-    let spectrum = spectrum(sources, spectra, (&table.illuminant, &table.spectrum), "a light", place)?;
-    let ways: Ways<LightLevel, 2> = [
-        (&table.luminous_flux, LightLevel::LuminousFlux),
-        (&table.luminous_intensity, LightLevel::LuminousIntensity),
-    ];
-    let message = "a light has one of `luminous_flux` (lm) and `luminous_intensity` (cd)";
-    let level = level(sources, ways, &spectrum, place, message)?;
-    Ok(LightSource { spectrum: spectrum.0, level })
-}
-
 /// The spectrum by one of the two keys, and where it is written.
-fn spectrum(
+pub fn spectrum(
     sources: &Sources,
     spectra: &Spectra,
     keys: (&Option<Name>, &Option<Spanned<SpectrumRef>>),
@@ -64,7 +50,7 @@ fn spectrum(
 }
 
 /// The one amount that is given.
-fn level<L, const N: usize>(
+pub fn level<L, const N: usize>(
     sources: &Sources,
     ways: Ways<L, N>,
     (spectrum, written): &(Spectrum, usize),
@@ -79,9 +65,15 @@ fn level<L, const N: usize>(
     if !(0.0..=1e15).contains(&amount) {
         return Err(sources.error(value.span().start, "the amount of light lies in 0 to 1e15"));
     }
+    visible(sources, (spectrum, *written), amount)?;
+    Ok(level(amount))
+}
+
+/// Refuses to make an amount of light from a spectrum that has none; `written` is where that stands.
+pub fn visible(sources: &Sources, (spectrum, written): (&Spectrum, usize), amount: f64) -> Result<()> {
     let visible = (380..=780).any(|nm| spectrum.at(f64::from(nm)) > 0.0);
     if !visible && amount > 0.0 {
-        return Err(sources.error(*written, "this spectrum has no power between 380 and 780 nm"));
+        return Err(sources.error(written, "this spectrum has no power between 380 and 780 nm"));
     }
-    Ok(level(amount))
+    Ok(())
 }

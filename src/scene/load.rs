@@ -3,15 +3,16 @@
 use super::description::{
     Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, MoveTable, Name, ObjectTable,
 };
+use super::ies::Luminaire;
 use super::motion::Motion;
 use super::obj::Mesh;
 use super::parts::Edit;
 use super::source::Sources;
 use super::suggest;
 use super::{Appearance, Geometry, Scene};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -40,6 +41,8 @@ pub struct SceneDescription {
     pub(super) document: Document,
     /// By index of the object that names the file.
     pub(super) meshes: BTreeMap<usize, Arc<Mesh>>,
+    /// By index of the light that names the file.
+    pub(super) luminaires: BTreeMap<usize, Luminaire>,
     /// What all changes do to objects, in their order.
     pub(super) edits: Vec<(Name, Edit)>,
     /// Whether changes moved, added or removed an object.
@@ -47,15 +50,33 @@ pub struct SceneDescription {
 }
 
 impl SceneDescription {
-    /// Reads a scene file and the OBJ files it names.
+    /// Reads a scene file and the OBJ and IES files it names.
     pub fn read(path: &Path) -> Result<SceneDescription> {
         let mut sources = Sources::default();
         let document: Document = sources.parse(path)?;
         check_format(&sources, &document.format)?;
-        let (meshes, edits) = (BTreeMap::new(), Vec::new());
-        let mut description = SceneDescription { sources, document, meshes, edits, rearranged: false };
+        let (meshes, luminaires) = (BTreeMap::new(), BTreeMap::new());
+        let mut description =
+            SceneDescription { sources, document, meshes, luminaires, edits: Vec::new(), rearranged: false };
         description.read_meshes(0)?;
+        description.read_luminaires()?;
         Ok(description)
+    }
+
+    /// Reads the IES files of the lights, each once.
+    fn read_luminaires(&mut self) -> Result<()> {
+        let mut known: BTreeMap<PathBuf, Luminaire> = BTreeMap::new();
+        for (i, light) in self.document.lights.iter().enumerate() {
+            let Some(ies) = &light.get_ref().ies else { continue };
+            let path = self.sources.directory(ies.span().start).join(ies.get_ref());
+            let luminaire = match known.get(&path) {
+                Some(luminaire) => luminaire.clone(),
+                None => Luminaire::read(&path).map_err(|e| self.sources.blame(ies, &path, e))?,
+            };
+            known.insert(path, luminaire.clone());
+            self.luminaires.insert(i, luminaire);
+        }
+        Ok(())
     }
 
     /// Reads the OBJ files of the objects from index `first` on.
@@ -64,13 +85,7 @@ impl SceneDescription {
         for (i, object) in self.document.objects.iter().enumerate().skip(first) {
             if let Some(obj) = &object.get_ref().obj {
                 let path = sources.directory(obj.span().start).join(obj.get_ref());
-                let mesh = Mesh::read(&path).map_err(|e| match e {
-                    // A file that cannot be had is the fault of the line that names it.
-                    Error::Io { message, .. } => {
-                        sources.error(obj.span().start, format!("cannot read {}: {message}", path.display()))
-                    }
-                    other => other,
-                })?;
+                let mesh = Mesh::read(&path).map_err(|e| sources.blame(obj, &path, e))?;
                 self.meshes.insert(i, Arc::new(mesh));
             }
         }
@@ -149,9 +164,12 @@ impl SceneDescription {
         if change.illuminant.is_some() || change.spectrum.is_some() {
             (light.illuminant, light.spectrum) = (change.illuminant, change.spectrum);
         }
-        if change.luminous_flux.is_some() || change.luminous_intensity.is_some() {
+        let amounts = [&change.luminous_flux, &change.luminous_intensity, &change.illuminance, &change.scale];
+        if amounts.iter().any(|amount| amount.is_some()) {
             light.luminous_flux = change.luminous_flux;
             light.luminous_intensity = change.luminous_intensity;
+            light.illuminance = change.illuminance;
+            light.scale = change.scale;
         }
         // What is wrong with it from here on is the fault of the change.
         lights[at] = Spanned::new(name.span(), light);

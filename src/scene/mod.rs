@@ -5,7 +5,9 @@ mod compile;
 mod csv;
 mod description;
 mod emission;
+mod ies;
 mod light;
+mod lights;
 mod load;
 mod materials;
 mod motion;
@@ -19,12 +21,14 @@ mod spectra;
 mod suggest;
 mod surfaces;
 mod touching;
+mod web;
 
 pub use camera::{Camera, View};
-pub use light::{Distribution, LightLevel, LightSource, PointLight};
+pub use light::{Distribution, Light, LightKind, LightLevel, LightSource, Way};
 pub use load::{SceneDescription, load, load_with_changes};
 pub use sampled::SampledAppearance;
 pub use sensor::{Grid, Sensor};
+pub use web::{Web, WebType};
 
 use crate::geometry::{Aabb, Surface, SurfaceId};
 use crate::material::Material;
@@ -80,7 +84,7 @@ pub struct Geometry {
     /// object, m²; it takes the place of [`Sampling::max_area`].
     pub max_area: Vec<Option<f64>>,
     /// Lights without a body. What they give is the appearance's.
-    pub lights: Vec<PointLight>,
+    pub lights: Vec<Light>,
 }
 
 impl Geometry {

@@ -1,19 +1,15 @@
-//! From `[[lights]]`, `[[sensors]]` and `[[grids]]` to places in the scene.
+//! From `[[sensors]]` and `[[grids]]` to places in the scene.
 
 use super::SceneDescription;
 use super::compile::MAX_COORDINATE;
-use super::description::{GridTable, LightTable, Name, SensorTable};
-use super::light::{Distribution, PointLight};
+use super::description::{GridTable, Name, SensorTable};
 use super::sensor::{Grid, Sensor};
 use super::source::Sources;
-use super::suggest;
 use crate::error::Result;
 use glam::DVec3;
 use std::collections::BTreeSet;
 use toml::Spanned;
 
-/// More point lights than this are refused: each asks something of every sample point.
-const MAX_LIGHTS: usize = 4096;
 /// Most sensors along an edge of a grid.
 const MAX_COUNT: u32 = 4096;
 /// Most sensors, those of grids included.
@@ -45,48 +41,6 @@ pub fn unique<'a>(
     }
     let message = format!("there are two {what} \"{}\"; rename one", name.get_ref());
     Err(sources.error(name.span().start, message))
-}
-
-/// The point lights in a scene centred at `centre`.
-pub fn lights(description: &SceneDescription, centre: DVec3) -> Result<Vec<PointLight>> {
-    let sources = &description.sources;
-    let mut names = BTreeSet::new();
-    let mut lights = Vec::new();
-    if let Some(first) = description.document.lights.get(MAX_LIGHTS) {
-        let message = format!("there are more than {MAX_LIGHTS} point lights; leave some out");
-        return Err(sources.error(first.span().start, message));
-    }
-    for table in description.document.lights.iter().map(Spanned::get_ref) {
-        unique(sources, &mut names, &table.name, "lights")?;
-        lights.push(PointLight {
-            name: table.name.get_ref().clone(),
-            position: vector(sources, &table.position, "a light's position")? - centre,
-            distribution: distribution(sources, table)?,
-        });
-    }
-    Ok(lights)
-}
-
-fn distribution(sources: &Sources, table: &LightTable) -> Result<Distribution> {
-    let chosen = table.distribution.as_ref().map_or("isotropic", |d| d.get_ref().as_str());
-    match (chosen, &table.direction) {
-        ("isotropic", None) => Ok(Distribution::Isotropic),
-        ("isotropic", Some(direction)) => {
-            let message = "`direction` goes with distribution = \"lambertian\"; an isotropic light has none";
-            Err(sources.error(direction.span().start, message))
-        }
-        ("lambertian", Some(axis)) => {
-            Ok(Distribution::Lambertian { axis: direction(sources, axis, "a light's direction")? })
-        }
-        (other, _) => {
-            let at = table.distribution.as_ref().map_or(0, |d| d.span().start);
-            let message = match other {
-                "lambertian" => "a lambertian light has a `direction`; add one".to_owned(),
-                _ => suggest::unknown("distribution", other, &["isotropic", "lambertian"]),
-            };
-            Err(sources.error(at, message))
-        }
-    }
 }
 
 /// The sensors and the grids, whose names differ from each other.

@@ -15,7 +15,7 @@ pub struct SampledAppearance {
     pub materials: Vec<SampledMaterial>,
     /// Per surface: its material.
     pub surface_material: Vec<MaterialId>,
-    /// Largest spectral intensity of each of [`Geometry::lights`], W sr⁻¹ nm⁻¹: `[W]` each.
+    /// Spectral amount of each of [`Geometry::lights`] ([`LightSource::factor`](super::LightSource::factor)): `[W]` each.
     pub lights: Vec<Vec<f32>>,
 }
 
@@ -46,7 +46,7 @@ impl Appearance {
                 .collect(),
             surface_material: self.surface_material.clone(),
             lights: (self.lights.iter().zip(&geometry.lights))
-                .map(|(source, light)| source.sample(&light.distribution, &wavelengths))
+                .map(|(source, light)| source.sample(light, &wavelengths))
                 .collect(),
             wavelengths,
         }
@@ -71,9 +71,9 @@ impl Appearance {
             let emission = material.emission.as_ref().filter(|_| area > 0.0)?;
             Some((&emission.spectrum, PI * area * emission.factor(area)))
         });
-        let points = self.lights.iter().zip(&geometry.lights).map(|(source, light)| {
-            (&source.spectrum, light.distribution.solid_angle() * source.factor(&light.distribution))
-        });
-        Spectrum::sum(surfaces.chain(points))
+        let lights = self.lights.iter().zip(&geometry.lights);
+        let lights =
+            lights.map(|(source, light)| (&source.spectrum, light.flux_share() * source.factor(light)));
+        Spectrum::sum(surfaces.chain(lights))
     }
 }

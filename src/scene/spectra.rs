@@ -128,13 +128,7 @@ fn tabulate(sources: &Sources, name: &Name, table: &SpectrumTable) -> Result<Spe
 
 fn read_file(sources: &Sources, file: &Name, column: Option<&Name>) -> Result<csv::Column> {
     let path = sources.directory(file.span().start).join(file.get_ref());
-    let source = Source::read(&path, MAX_CSV_BYTES).map_err(|e| match e {
-        // A file that cannot be had is the fault of the line that names it.
-        crate::error::Error::Io { message, .. } => {
-            sources.error(file.span().start, format!("cannot read {}: {message}", path.display()))
-        }
-        other => other,
-    })?;
+    let source = Source::read(&path, MAX_CSV_BYTES).map_err(|e| sources.blame(file, &path, e))?;
     let place = column.unwrap_or(file).span().start;
     csv::column(&source, column.map(|c| c.get_ref().as_str())).map_err(|e| match e {
         ColumnError::Choice(message) => sources.error(place, message),

@@ -1,5 +1,5 @@
 //! What gives light, and how a place asks it: the light comes straight from an emitting surface, drawn by the solid angle
-//! that it subtends, or from a point light. The path tracer that judges this pass draws its lights by code of its own.
+//! that it subtends, or from a light without a body. The path tracer that judges this pass draws its lights by code of its own.
 
 use crate::geometry::{Round, Side, SurfaceId};
 use crate::scene::{Geometry, SampledAppearance};
@@ -18,7 +18,7 @@ struct Lamp {
     /// Unit normal on the emitting side at the middle; zero for what emits all around.
     normal: DVec3,
     middle: DVec3,
-    /// How bright it is from afar and from the front, at 1 m.
+    /// How bright it is from afar and from the front, at 1 m, or wherever a directional light falls.
     strength: f64,
     /// Radius of a ball around it, m.
     reach: f64,
@@ -29,7 +29,8 @@ enum Body {
     /// One or two triangles.
     Flat([[DVec3; 3]; 2], usize),
     Round(Round, Side),
-    Point,
+    /// None: the light of this number.
+    Light(usize),
 }
 
 /// Whose light it is.
@@ -37,7 +38,7 @@ enum Body {
 pub(super) enum Source {
     /// That of an emitting surface.
     Surface(SurfaceId),
-    /// That of the point light of this number.
+    /// That of the light of this number.
     Light(usize),
 }
 
@@ -47,7 +48,7 @@ pub(super) struct Ask {
     pub to: DVec3,
     /// Whose light.
     pub source: Source,
-    /// Irradiance per radiance of the surface, or per largest intensity of the point light.
+    /// Irradiance per radiance of the surface, or per amount of the light.
     pub weight: f64,
 }
 
@@ -85,13 +86,13 @@ impl Lamps {
                 });
             }
         }
-        for (k, (light, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
-            let strength = bright(intensity);
+        for (k, (light, amount)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
+            let strength = bright(amount);
             if strength > 0.0 {
                 lamps.push(Lamp {
-                    body: Body::Point,
+                    body: Body::Light(k),
                     normal: DVec3::ZERO,
-                    middle: light.position,
+                    middle: light.place(),
                     strength,
                     reach: 0.0,
                     source: Source::Light(k),
@@ -118,7 +119,7 @@ impl Lamps {
         chances.clear();
         let mut total = 0.0;
         chances.extend(self.lamps.iter().map(|lamp| {
-            total += lamp.promise(x, n);
+            total += lamp.promise(geometry, x, n);
             total
         }));
         if total <= 0.0 {
@@ -136,7 +137,14 @@ impl Lamps {
 
 impl Lamp {
     /// What may be expected of it at a place: 0 where nothing can come from.
-    fn promise(&self, x: DVec3, n: DVec3) -> f64 {
+    fn promise(&self, geometry: &Geometry, x: DVec3, n: DVec3) -> f64 {
+        if let Body::Light(k) = self.body {
+            let light = &geometry.lights[k];
+            let (way, radius) = (light.seen_from(x), light.radius());
+            let height = n.dot(way.direction);
+            let lit = height > -radius && way.share.is_finite();
+            return if lit { self.strength * way.share * height.max(radius) } else { 0.0 };
+        }
         let way = self.middle - x;
         let distance2 = way.length_squared();
         let height = n.dot(way);
@@ -159,12 +167,11 @@ impl Lamp {
 
     fn ask(&self, geometry: &Geometry, (x, n): (DVec3, DVec3), u: [f64; 3], chance: f64) -> Option<Ask> {
         let (to, over_density) = match &self.body {
-            Body::Point => {
-                let way = self.middle - x;
-                let distance2 = way.length_squared();
-                let Source::Light(k) = self.source else { return None };
-                let towards = geometry.lights[k].distribution.towards(-way / distance2.sqrt());
-                (self.middle, towards / distance2)
+            Body::Light(k) => {
+                let way = geometry.lights[*k].drawn_from(x, u[0], u[1]);
+                let weight = n.dot(way.direction) * way.share / chance;
+                let lit = weight > 0.0 && weight.is_finite();
+                return lit.then_some(Ask { to: way.end, source: self.source, weight });
             }
             Body::Flat(triangles, count) => {
                 let angles = triangles.map(|t| solid_angle(x, t));

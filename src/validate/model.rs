@@ -10,7 +10,7 @@ use crate::observer::Silent;
 use crate::pipeline::{self, Prepared};
 use crate::points::Sampling;
 use crate::scene::{
-    Appearance, Distribution, Geometry, LightLevel, LightSource, MaterialId, ObjectId, PointLight,
+    Appearance, Distribution, Geometry, Light, LightKind, LightLevel, LightSource, MaterialId, ObjectId,
     SampledAppearance, Sensor,
 };
 use crate::settings::Settings;
@@ -102,7 +102,7 @@ impl Model {
         let mut lights = Vec::new();
         for (position, distribution, source) in self.lights {
             let (name, position) = (format!("light {}", lights.len()), position - geometry.centre);
-            geometry.lights.push(PointLight { name, position, distribution });
+            geometry.lights.push(Light { name, kind: LightKind::Point { position, distribution } });
             lights.push(source);
         }
         let appearance = Appearance { materials: self.materials, surface_material: self.worn, lights };

@@ -1,11 +1,11 @@
-//! What the point lights of a scene reach: a bit for every light and sample point.
+//! What the lights of a scene without a body reach: a bit for every light and sample point.
 //!
 //! That is geometry and costs one ray a pair, so it is found out with the graph, whether the graph is
 //! built or read from a file, and no graph file keeps it.
 
 use super::graph::{VisibilityGraph, stride_of};
 use crate::points::SamplePoints;
-use crate::scene::Geometry;
+use crate::scene::{Geometry, Light};
 use crate::tracers::{RayTracer, Segment};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ const CHUNK: usize = 128;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct LightSight {
     /// Where the lights stood.
-    positions: Vec<DVec3>,
+    places: Vec<DVec3>,
     /// A row for each light: point `i` is bit `i % 32` of word `i / 32`.
     words: Vec<u32>,
     /// Words of a row.
@@ -31,17 +31,18 @@ impl LightSight {
         let stride = stride_of(points.len());
         let mut words = vec![0u32; stride * geometry.lights.len()];
         for (light, row) in geometry.lights.iter().zip(words.chunks_mut(stride.max(1))) {
-            let to = light.position.as_vec3();
             row.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, words)| {
                 let first = 32 * CHUNK * chunk;
                 let facing = |&i: &usize| {
-                    let to_light = light.position - points.position[i].as_dvec3();
-                    points.normal[i].as_dvec3().dot(to_light) > tolerance
+                    light.height(points.position[i].as_dvec3(), points.normal[i].as_dvec3()) > tolerance
                 };
                 let facing: Vec<usize> =
                     (first..(first + 32 * words.len()).min(points.len())).filter(facing).collect();
-                let segments: Vec<Segment> =
-                    facing.iter().map(|&i| Segment { from: points.position[i], to }).collect();
+                let segment = |&i: &usize| {
+                    let to = light.seen_from(points.position[i].as_dvec3()).end.as_vec3();
+                    Segment { from: points.position[i], to }
+                };
+                let segments: Vec<Segment> = facing.iter().map(segment).collect();
                 let mut blocked = vec![false; segments.len()];
                 tracer.occluded_batch(&segments, &mut blocked);
                 for (i, blocked) in facing.into_iter().zip(blocked) {
@@ -49,8 +50,7 @@ impl LightSight {
                 }
             });
         }
-        let positions = geometry.lights.iter().map(|l| l.position).collect();
-        LightSight { positions, words, stride }
+        LightSight { places: places(geometry).collect(), words, stride }
     }
 
     /// Whether light `light` reaches point `i`.
@@ -61,8 +61,12 @@ impl LightSight {
 
     /// Whether it is known what the lights of `geometry` reach.
     pub fn knows(&self, geometry: &Geometry) -> bool {
-        geometry.lights.iter().map(|l| l.position).eq(self.positions.iter().copied())
+        places(geometry).eq(self.places.iter().copied())
     }
+}
+
+fn places(geometry: &Geometry) -> impl Iterator<Item = DVec3> {
+    geometry.lights.iter().map(Light::place)
 }
 
 impl VisibilityGraph {
