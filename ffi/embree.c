@@ -34,7 +34,10 @@ struct lux_scene {
     /* The surface of each quad. */
     uint32_t *quad_surface;
     lux_round *rounds;
-    /* Embree's number of the geometry that holds the discs and spheres. */
+    /* Who tells where rays meet them. */
+    lux_meet meet;
+    const void *meet_rounds;
+    /* Embree's number of the geometry that holds these. */
     unsigned round_geometry;
 };
 
@@ -190,66 +193,21 @@ static void attach_quads(RTCDevice device, RTCScene scene, const float *vertices
     rtcReleaseGeometry(geometry);
 }
 
-/* The ray parameters at which a line crosses a disc or a sphere, the first first, and how many there are: the formulae
- * of src/geometry/round.rs. */
-static int cross_round(const lux_round *round, const double *origin, const double *direction, double *t) {
-    double f[3], a = 0.0, b = 0.0, speed = 0.0, height = 0.0;
-    for (int k = 0; k < 3; k++) {
-        f[k] = origin[k] - round->centre[k];
-        a += direction[k] * direction[k];
-        b -= f[k] * direction[k];
-        speed += round->axis[k] * direction[k];
-        height -= round->axis[k] * f[k];
-    }
-    if (round->disc) {
-        t[0] = height / speed;
-        double square = 0.0, off = 0.0;
-        for (int k = 0; k < 3; k++) {
-            double d = f[k] + t[0] * direction[k];
-            square += d * d;
-            off += round->axis[k] * d;
-        }
-        /* What is not a number fails both. */
-        return square <= round->radius * round->radius && fabs(off) <= LUX_ROUNDING;
-    }
-    double square = 0.0, distance = 0.0;
-    for (int k = 0; k < 3; k++) {
-        double nearest = f[k] + b / a * direction[k];
-        square += nearest * nearest;
-        distance += f[k] * f[k];
-    }
-    double below = round->radius * round->radius - square;
-    if (!(below >= 0.0)) return 0;
-    distance = sqrt(distance);
-    double q = b + copysign(sqrt(a * below), b);
-    double near = (distance - round->radius) * (distance + round->radius) / q, far = q / a;
-    t[0] = near < far ? near : far;
-    t[1] = near < far ? far : near;
-    return 2;
-}
-
-/* The first crossing within the limits of ray i of n: which (0 or 1), or -1. */
-static int meet_round(const lux_round *round, const float *ray, unsigned n, unsigned i, float *t) {
-    double origin[3] = {ray[i], ray[n + i], ray[2 * n + i]};
-    double direction[3] = {ray[4 * n + i], ray[5 * n + i], ray[6 * n + i]};
-    double crossings[2];
-    int count = cross_round(round, origin, direction, crossings);
-    for (int which = 0; which < count; which++) {
-        /* The limits are floats: compared as such, a hit is never met again from one float beyond it. */
-        *t = (float)crossings[which];
-        if (*t > ray[3 * n + i] && *t < ray[8 * n + i]) return which;
-    }
-    return -1;
+/* Ray i of n, as the caller of lux_scene_new is asked about it. */
+static uint32_t meet_round(const lux_scene *scene, unsigned primitive, const float *ray, unsigned n, unsigned i, float *t) {
+    lux_ray one = {{ray[i], ray[n + i], ray[2 * n + i]},
+                   ray[3 * n + i],
+                   {ray[4 * n + i], ray[5 * n + i], ray[6 * n + i]},
+                   ray[8 * n + i]};
+    return scene->meet(scene->meet_rounds, primitive, &one, t);
 }
 
 static void round_bounds(const struct RTCBoundsFunctionArguments *args) {
-    const lux_round *round = (const lux_round *)args->geometryUserPtr + args->primID;
+    const lux_round *round = ((const lux_scene *)args->geometryUserPtr)->rounds + args->primID;
     float low[3], high[3];
     for (int k = 0; k < 3; k++) {
-        double square = round->disc ? 1.0 - round->axis[k] * round->axis[k] : 1.0;
-        double reach = round->radius * sqrt(square > 0.0 ? square : 0.0) + LUX_ROUNDING;
-        low[k] = nextafterf((float)(round->centre[k] - reach), -INFINITY);
-        high[k] = nextafterf((float)(round->centre[k] + reach), INFINITY);
+        low[k] = nextafterf((float)(round->low[k] - LUX_ROUNDING), -INFINITY);
+        high[k] = nextafterf((float)(round->high[k] + LUX_ROUNDING), INFINITY);
     }
     args->bounds_o->lower_x = low[0], args->bounds_o->lower_y = low[1], args->bounds_o->lower_z = low[2];
     args->bounds_o->upper_x = high[0], args->bounds_o->upper_y = high[1], args->bounds_o->upper_z = high[2];
@@ -257,17 +215,15 @@ static void round_bounds(const struct RTCBoundsFunctionArguments *args) {
 
 /* Rays and hits stand in columns of N values, as for the filter; a hit follows the twelve columns of its ray. */
 static void round_intersect(const struct RTCIntersectFunctionNArguments *args) {
-    const lux_round *round = (const lux_round *)args->geometryUserPtr + args->primID;
+    const lux_scene *scene = args->geometryUserPtr;
     unsigned n = args->N;
     float *ray = (float *)args->rayhit, *hit = ray + 12 * n;
     uint32_t *ids = (uint32_t *)hit;
     for (unsigned i = 0; i < n; i++) {
         float t;
-        if (args->valid[i] == 0) continue;
-        int which = meet_round(round, ray, n, i, &t);
-        if (which < 0) continue;
+        if (args->valid[i] == 0 || !meet_round(scene, args->primID, ray, n, i, &t)) continue;
         ray[8 * n + i] = t;
-        hit[3 * n + i] = hit[4 * n + i] = (float)which;
+        hit[3 * n + i] = hit[4 * n + i] = 0.0f;
         ids[5 * n + i] = args->primID;
         ids[6 * n + i] = args->geomID;
         ids[7 * n + i] = RTC_INVALID_GEOMETRY_ID;
@@ -275,21 +231,21 @@ static void round_intersect(const struct RTCIntersectFunctionNArguments *args) {
 }
 
 static void round_occluded(const struct RTCOccludedFunctionNArguments *args) {
-    const lux_round *round = (const lux_round *)args->geometryUserPtr + args->primID;
+    const lux_scene *scene = args->geometryUserPtr;
     unsigned n = args->N;
     float *ray = (float *)args->ray;
     for (unsigned i = 0; i < n; i++) {
         float t;
-        if (args->valid[i] != 0 && meet_round(round, ray, n, i, &t) >= 0) ray[8 * n + i] = -INFINITY;
+        if (args->valid[i] != 0 && meet_round(scene, args->primID, ray, n, i, &t)) ray[8 * n + i] = -INFINITY;
     }
 }
 
-static unsigned attach_rounds(RTCDevice device, RTCScene scene, lux_round *rounds, uint64_t count) {
+static unsigned attach_rounds(RTCDevice device, RTCScene scene, lux_scene *made, uint64_t count) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
     if (!geometry) return RTC_INVALID_GEOMETRY_ID;
     rtcSetGeometryUserPrimitiveCount(geometry, (unsigned)count);
     rtcSetGeometryMask(geometry, 0xFFFFFFFFu);
-    rtcSetGeometryUserData(geometry, rounds);
+    rtcSetGeometryUserData(geometry, made);
     rtcSetGeometryBoundsFunction(geometry, round_bounds, NULL);
     rtcSetGeometryIntersectFunction(geometry, round_intersect);
     rtcSetGeometryOccludedFunction(geometry, round_occluded);
@@ -301,7 +257,7 @@ static unsigned attach_rounds(RTCDevice device, RTCScene scene, lux_round *round
 
 lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uint32_t *quads,
                          const uint32_t *quad_surface, uint64_t quad_count, const lux_round *rounds,
-                         uint64_t round_count, int confirm, char *message) {
+                         uint64_t round_count, lux_meet meet, const void *meet_rounds, int confirm, char *message) {
     message[0] = '\0';
     lux_scene *made = calloc(1, sizeof *made);
     if (made) {
@@ -309,6 +265,8 @@ lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uin
         made->quad_surface = calloc(quad_count + 1, sizeof(uint32_t));
         made->rounds = calloc(round_count + 1, sizeof(lux_round));
         made->round_geometry = RTC_INVALID_GEOMETRY_ID;
+        made->meet = meet;
+        made->meet_rounds = meet_rounds;
     }
     if (!made || !made->corners || !made->quad_surface || !made->rounds) {
         snprintf(message, LUX_MESSAGE_BYTES, "out of memory");
@@ -332,7 +290,7 @@ lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uin
         if (quad_count > 0)
             attach_quads(made->device, made->scene, vertices, vertex_count, quads, quad_count, confirm, made->corners);
         if (round_count > 0)
-            made->round_geometry = attach_rounds(made->device, made->scene, made->rounds, round_count);
+            made->round_geometry = attach_rounds(made->device, made->scene, made, round_count);
         rtcCommitScene(made->scene);
     }
     /* The message belongs to the caller and is about to go out of reach. */

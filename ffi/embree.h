@@ -3,7 +3,7 @@
  *
  * Contract of every call: pointers are valid for the stated counts; a scene is not changed after
  * lux_scene_new, so the queries may be called on one scene from many threads at once.
- * No call keeps a pointer after it returns. Nothing unwinds. */
+ * No call keeps a pointer after it returns, but for what lux_meet is given. Nothing unwinds. */
 #ifndef LUXGRAPH_EMBREE_H
 #define LUXGRAPH_EMBREE_H
 
@@ -21,17 +21,18 @@ typedef struct lux_ray {
     float t_max;
 } lux_ray;
 
-/* A disc or a sphere, met in double precision. */
+/* A surface that is no quad, which the caller tells where rays meet it. */
 typedef struct lux_round {
-    double centre[3];
-    double radius;
-    /* Unit normal of a disc. */
-    double axis[3];
-    /* 1 for a disc, 0 for a sphere. */
-    uint32_t disc;
+    /* Corners of the box around it. */
+    double low[3];
+    double high[3];
     /* Number of the surface. */
     uint32_t surface;
 } lux_round;
+
+/* Where a ray meets round number index first within its limits: 1 and the ray parameter in t, or 0. Called from many
+ * threads at once. */
+typedef uint32_t (*lux_meet)(const void *rounds, uint64_t index, const lux_ray *ray, float *t);
 
 /* Rays in a packet. */
 #define LUX_PACKET 16
@@ -55,7 +56,7 @@ typedef struct lux_hit {
     float t;
     /* Number of the surface, or LUX_MISS. */
     uint32_t surface;
-    /* Of a quad 1 in the triangle v2 v3 v1, 0 in v0 v1 v3; of a sphere 1 where the ray leaves it, 0 where it enters. */
+    /* Of a quad 1 in the triangle v2 v3 v1, else 0. */
     uint32_t half;
 } lux_hit;
 
@@ -74,12 +75,13 @@ typedef struct lux_hit {
 uint32_t lux_version(void);
 
 /* A scene of quad_count convex quads, quads[4 i ... 4 i + 3] indexing vertices of three floats each (a triangle
- * repeats its last index), the surface of quad i numbered quad_surface[i]; and of round_count discs and spheres.
+ * repeats its last index), the surface of quad i numbered quad_surface[i]; and of round_count others, which
+ * meet, called with meet_rounds, tells apart; meet_rounds must live as long as the scene.
  * Where confirm is not 0, that a quad blocks a ray is confirmed in double precision. Copies everything. On failure
  * returns NULL and writes Embree's reason to message (at least LUX_MESSAGE_BYTES, always terminated). */
 lux_scene *lux_scene_new(const float *vertices, uint64_t vertex_count, const uint32_t *quads,
                          const uint32_t *quad_surface, uint64_t quad_count, const lux_round *rounds,
-                         uint64_t round_count, int confirm, char *message);
+                         uint64_t round_count, lux_meet meet, const void *meet_rounds, int confirm, char *message);
 
 /* Frees a scene; NULL is allowed. */
 void lux_scene_free(lux_scene *scene);

@@ -88,7 +88,7 @@ fn nudged(geometry: &Geometry) -> Geometry {
                 |x: f64| f64::from(if i % 2 == 0 { (x as f32).next_up() } else { (x as f32).next_down() });
             DVec3::new(up(v.x), up(v.y), up(v.z))
         };
-        *surface = Surface::new(match surface.shape {
+        *surface = Surface::new(match surface.shape.clone() {
             Shape::Quad(v) => Shape::Quad(v.map(nudge)),
             Shape::Triangle(v) => Shape::Triangle(v.map(nudge)),
             round => round,

@@ -120,7 +120,7 @@ fn a_closed_cube_glows_with_e_over_one_minus_rho() {
 fn the_inside_of_a_sphere_glows_as_a_furnace() {
     let sphere = Sphere { centre: DVec3::ZERO, radius: 2.0, inward: false };
     // Seen from both sides: the inside is the one that is closed.
-    let shape = (Shape::Sphere(sphere), true, 0, ObjectId(0));
+    let shape = (Shape::from(sphere), true, 0, ObjectId(0));
     let geometry = Geometry::new(vec![shape], vec!["sphere".into()]);
     let points = rooms::sample(&geometry, 0.02, 3);
     let appearance = SampledAppearance {

@@ -73,7 +73,7 @@ fn the_room_is_closed_and_faces_inwards() {
 fn mirrored_once(scene: &Scene, lamp: &str, mirror: &str) -> Vec<(String, DVec3)> {
     let surface_of = |name: &str| {
         let is = |o: &luxgraph::scene::ObjectId| scene.geometry.objects[o.0 as usize] == name;
-        scene.geometry.surfaces[scene.geometry.object.iter().position(is).expect(name)]
+        scene.geometry.surfaces[scene.geometry.object.iter().position(is).expect(name)].clone()
     };
     let (lamp, mirror) = (surface_of(lamp), surface_of(mirror));
     let tracer = BruteForce::new(&scene.geometry);

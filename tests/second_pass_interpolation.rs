@@ -15,7 +15,8 @@ fn wavelengths(n: usize) -> Wavelengths {
 }
 
 fn geometry(shapes: &[(Shape, bool, u32)]) -> Geometry {
-    let shapes = shapes.iter().map(|&(shape, two_sided, patch)| (shape, two_sided, patch, ObjectId(0)));
+    let shapes =
+        shapes.iter().map(|(shape, two_sided, patch)| (shape.clone(), *two_sided, *patch, ObjectId(0)));
     Geometry::new(shapes.collect(), vec!["object".into()])
 }
 
@@ -101,7 +102,7 @@ const TRIANGLE: Shape =
 fn linear_fields_and_constants_are_exact_even_where_refinement_is_uneven() {
     for shape in [QUAD, RECTANGLE, TRIANGLE] {
         for deepest in [2, 4, 7] {
-            let geometry = geometry(&[(shape, false, 0)]);
+            let geometry = geometry(&[(shape.clone(), false, 0)]);
             let points = points(&geometry, &uneven(0, &shape, deepest));
             let linear = |p: DVec3| 20.0 + DVec3::new(1.3, -2.1, 0.7).dot(p);
             let surface = &geometry.surfaces[0];
@@ -124,7 +125,7 @@ fn linear_fields_and_constants_are_exact_even_where_refinement_is_uneven() {
 #[test]
 fn fields_are_continuous_across_hanging_nodes() {
     for shape in [QUAD, RECTANGLE, TRIANGLE] {
-        let geometry = geometry(&[(shape, false, 0)]);
+        let geometry = geometry(&[(shape.clone(), false, 0)]);
         let points = points(&geometry, &uneven(0, &shape, 7));
         // Rough on purpose: every point its own value.
         let solution = solution(&points, |i| [(i * 2654435761 % 1000) as f32 / 1000.0, 1.0]);
@@ -155,7 +156,7 @@ fn fields_are_continuous_across_hanging_nodes() {
 #[test]
 fn equal_cells_are_bilinear_between_the_four_closest_points() {
     let shape = RECTANGLE;
-    let geometry = geometry(&[(shape, false, 0)]);
+    let geometry = geometry(&[(shape.clone(), false, 0)]);
     let points = points(&geometry, &even(0, 3));
     let value = |i: usize| (i * 2654435761 % 1000) as f32;
     let solution = solution(&points, |i| [value(i), 0.0]);
@@ -183,7 +184,7 @@ fn equal_cells_are_bilinear_between_the_four_closest_points() {
 #[test]
 fn borders_are_extrapolated_but_never_negative_nor_wild() {
     let shape = RECTANGLE;
-    let geometry = geometry(&[(shape, false, 0)]);
+    let geometry = geometry(&[(shape.clone(), false, 0)]);
     let points = points(&geometry, &even(0, 3));
     // A sharp shadow along the border: straight extrapolation would go to -0.5 and to 1.5.
     let solution = solution(&points, |i| {
@@ -204,7 +205,7 @@ fn sides_and_surfaces_do_not_bleed_and_missing_sides_are_black() {
         Shape::Quad([DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]),
         Shape::Quad([DVec3::X, 2.0 * DVec3::X, DVec3::new(2.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 0.0)]),
     );
-    let geometry = geometry(&[(left, true, 0), (right, false, 1)]);
+    let geometry = geometry(&[(left.clone(), true, 0), (right.clone(), false, 1)]);
     let points = points(&geometry, &[even(0, 2), even(1, 3)].concat());
     let solution = solution(&points, |i| match (points.surface[i].0, points.side[i]) {
         (0, Side::Front) => [1.0, 0.0],
@@ -228,7 +229,8 @@ fn two_triangles_of_one_patch_show_no_seam() {
     let v = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.1), DVec3::Y];
     let triangles = [Shape::Triangle([v[0], v[1], v[3]]), Shape::Triangle([v[2], v[3], v[1]])];
     for (patches, joined) in [([0, 0], true), ([0, 1], false)] {
-        let geometry = geometry(&[(triangles[0], false, patches[0]), (triangles[1], false, patches[1])]);
+        let geometry =
+            geometry(&[(triangles[0].clone(), false, patches[0]), (triangles[1].clone(), false, patches[1])]);
         let points = points(&geometry, &[even(0, 2), uneven(1, &triangles[1], 5)].concat());
         let solution = solution(&points, |i| [(i * 2654435761 % 1000) as f32 / 1000.0, 1.0]);
         let interpolator = interpolator(&geometry, &points);
@@ -247,7 +249,7 @@ fn two_triangles_of_one_patch_show_no_seam() {
 #[test]
 fn the_coarsest_surfaces_work() {
     for shape in [QUAD, TRIANGLE] {
-        let geometry = geometry(&[(shape, false, 0)]);
+        let geometry = geometry(&[(shape.clone(), false, 0)]);
         let points = points(&geometry, &even(0, 0));
         let solution = solution(&points, |_| [3.0, 0.0]);
         let interpolator = interpolator(&geometry, &points);

@@ -182,7 +182,7 @@ fn a_furnace_looks_the_same_through_mirrors_and_panes() {
     let view = camera(DVec3::new(-1.5, 0.2, 0.1), DVec3::new(0.5, 0.0, 0.0));
     for material in [specular(0.0), pane(0.3, 0.7), pane(0.0, 1.0)] {
         let mut shapes = room(0);
-        shapes.push((square, true, 1));
+        shapes.push((square.clone(), true, 1));
         let world =
             World::new(shapes, vec![diffuse(), material], |_, m| if m == 0 { [3.0; W] } else { [0.0; W] });
         let (image, stats) = world.render(&view, &EXACT);
@@ -232,7 +232,7 @@ fn a_clear_solid_in_a_furnace_is_invisible_and_an_absorbing_one_obeys_beer_lambe
     let glass = faces(DVec3::new(-0.5, -0.6, -0.7), DVec3::new(0.5, 0.6, 0.7), false);
     let world = |material: SampledMaterial| {
         let mut shapes = room(0);
-        shapes.extend(glass.iter().map(|s| (*s, false, 1)));
+        shapes.extend(glass.iter().map(|s| (s.clone(), false, 1)));
         World::new(shapes, vec![diffuse(), material], |_, m| if m == 0 { [3.0; W] } else { [0.0; W] })
     };
     let settings = SecondPassSettings { max_depth: 60, samples: 64, ..EXACT };
@@ -252,7 +252,7 @@ fn a_clear_solid_in_a_furnace_is_invisible_and_an_absorbing_one_obeys_beer_lambe
 fn a_camera_inside_glass_is_inside_glass() {
     let glass = faces(DVec3::splat(-0.5), DVec3::splat(0.5), false);
     let mut shapes = room(0);
-    shapes.extend(glass.iter().map(|s| (*s, false, 1)));
+    shapes.extend(glass.iter().map(|s| (s.clone(), false, 1)));
     let light = |_, m| if m == 0 { [3.0; W] } else { [0.0; W] };
     let world = World::new(shapes, vec![diffuse(), solid(1.0, 0.8)], light);
     let mut view = camera(DVec3::ZERO, DVec3::X);
@@ -326,7 +326,7 @@ fn same_bits_from_any_number_of_threads_and_roulette_keeps_the_mean() {
     shapes[5].2 = 1;
     shapes[3].2 = 2;
     let glass = faces(DVec3::new(-0.5, -0.6, -0.7), DVec3::new(0.5, 0.6, 0.7), false);
-    shapes.extend(glass.iter().map(|s| (*s, false, 3)));
+    shapes.extend(glass.iter().map(|s| (s.clone(), false, 3)));
     let light = |p: DVec3, m| if m == 0 { [(3.0 + p.z) as f32, (3.0 - p.y) as f32] } else { [0.1; W] };
     let materials = vec![diffuse(), specular(0.3), specular(0.0), solid(1.5, 0.3)];
     let world = World::new(shapes, materials, light);

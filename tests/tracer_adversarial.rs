@@ -2,7 +2,7 @@
 //! band in which `f32` and `f64` may differ, and the voxel tracer must equal brute force to the bit.
 
 use glam::DVec3;
-use luxgraph::geometry::{Disc, QuadKind, Ray, Shape, Sphere, classify_quad};
+use luxgraph::geometry::{Cone, Disc, QuadKind, Ray, Round, Shape, Sphere, classify_quad};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Verdict, judge, judge_closest};
@@ -36,12 +36,12 @@ impl Random {
     }
 }
 
-/// Parallelograms, warped quadrilaterals, triangles, slivers, discs and spheres.
+/// Parallelograms, warped quadrilaterals, triangles, slivers, discs, spheres, cylinders and cones.
 fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
     let mut shapes = Vec::new();
     while shapes.len() < count {
         let (o, x, mut y) = (random.place(coarse), random.place(coarse), random.place(coarse));
-        let kind = random.below(8);
+        let kind = random.below(9);
         if kind == 0 {
             y *= 1e-3;
         }
@@ -55,8 +55,15 @@ fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
         shapes.push(match kind {
             1 | 2 => Shape::Triangle([o, o + x, o + y]),
             3 => Shape::Quad(warped),
-            6 => Shape::Disc(Disc { centre: o, normal: x.normalize(), radius: 0.5 * y.length() }),
-            7 => Shape::Sphere(Sphere { centre: o, radius: 0.5 * x.length(), inward: random.unit() < 0.5 }),
+            6 => Shape::from(Disc { centre: o, normal: x.normalize(), radius: 0.5 * y.length() }),
+            8 => Shape::from(Cone {
+                base: o,
+                top: o + x,
+                radius: 0.3 * y.length(),
+                top_radius: [0.3 * y.length(), 0.1 * y.length(), 0.0][random.below(3)],
+                inward: random.unit() < 0.5,
+            }),
+            7 => Shape::from(Sphere { centre: o, radius: 0.5 * x.length(), inward: random.unit() < 0.5 }),
             _ => Shape::Quad([o, o + x, o + x + y, o + y]),
         });
     }
@@ -67,12 +74,19 @@ fn geometry(shapes: Vec<Shape>, size: f64, at: DVec3) -> Geometry {
     let placed = |shape| match shape {
         Shape::Quad(v) => Shape::Quad(v.map(|p: DVec3| size * p + at)),
         Shape::Triangle(v) => Shape::Triangle(v.map(|p: DVec3| size * p + at)),
-        Shape::Disc(Disc { centre, normal, radius }) => {
-            Shape::Disc(Disc { centre: size * centre + at, normal, radius: size * radius })
+        Shape::Round(Round::Disc(Disc { centre, normal, radius })) => {
+            Shape::from(Disc { centre: size * centre + at, normal, radius: size * radius })
         }
-        Shape::Sphere(Sphere { centre, radius, inward }) => {
-            Shape::Sphere(Sphere { centre: size * centre + at, radius: size * radius, inward })
+        Shape::Round(Round::Sphere(Sphere { centre, radius, inward })) => {
+            Shape::from(Sphere { centre: size * centre + at, radius: size * radius, inward })
         }
+        Shape::Round(Round::Cone(Cone { base, top, radius, top_radius, inward })) => Shape::from(Cone {
+            base: size * base + at,
+            top: size * top + at,
+            radius: size * radius,
+            top_radius: size * top_radius,
+            inward,
+        }),
     };
     let shapes = shapes.into_iter().enumerate().map(|(i, s)| (placed(s), false, i as u32, ObjectId(0)));
     Geometry::new(shapes.collect(), vec!["all".into()])
@@ -207,7 +221,7 @@ proptest! {
             let segment = segment(&mut random, &geometry, voxel.voxels());
             for found in [voxel.blocker(&segment), embree.as_ref().and_then(|e| e.blocker(&segment))] {
                 let Some(id) = found else { continue };
-                let alone = Geometry { surfaces: vec![*geometry.surface(id)], ..geometry.clone() };
+                let alone = Geometry { surfaces: vec![geometry.surface(id).clone()], ..geometry.clone() };
                 let verdict = judge(&alone, &segment);
                 prop_assert!(verdict != Verdict::Free, "{segment:?}: {id:?}");
             }

@@ -3,7 +3,7 @@
 use super::args::Info;
 use super::say::say;
 use luxgraph::error::Result;
-use luxgraph::geometry::Shape;
+use luxgraph::geometry::Round;
 use luxgraph::material::{Body, Material};
 use luxgraph::points::divide_by_area;
 use luxgraph::report::{Machine, write_json};
@@ -29,6 +29,8 @@ struct Contents {
     surfaces: usize,
     discs: usize,
     spheres: usize,
+    cylinders: usize,
+    cones: usize,
     two_sided_surfaces: usize,
     area_m2: f64,
     points: usize,
@@ -176,14 +178,17 @@ fn contents(scene: &Scene) -> Contents {
     if specular { &mut requires } else { &mut left_out }.push("specular chains");
     if glass { &mut requires } else { &mut left_out }.push("transmission");
     let size = geometry.bounds().size();
-    let count = |kind: fn(&Shape) -> bool| geometry.surfaces.iter().filter(|s| kind(&s.shape)).count();
+    let rounds = || geometry.surfaces.iter().filter_map(|s| s.round());
+    let count = |kind: fn(&Round) -> bool| rounds().filter(|round| kind(round)).count();
     Contents {
         centre_m: geometry.centre.to_array(),
         size_m: if geometry.surfaces.is_empty() { [0.0; 3] } else { size.to_array() },
         objects: geometry.objects.len(),
         surfaces: geometry.surfaces.len(),
-        discs: count(|shape| matches!(shape, Shape::Disc(_))),
-        spheres: count(|shape| matches!(shape, Shape::Sphere(_))),
+        discs: count(|round| matches!(round, Round::Disc(_))),
+        spheres: count(|round| matches!(round, Round::Sphere(_))),
+        cylinders: count(|round| matches!(round, Round::Cone(cone) if cone.radius == cone.top_radius)),
+        cones: count(|round| matches!(round, Round::Cone(cone) if cone.radius != cone.top_radius)),
         two_sided_surfaces: geometry.two_sided.iter().filter(|&&t| t).count(),
         area_m2: geometry.surfaces.iter().map(|s| s.area).sum(),
         points: points_on.iter().sum(),
@@ -211,8 +216,9 @@ fn print_contents(contents: &Contents) {
         contents.two_sided_surfaces,
         contents.objects
     );
-    if contents.discs + contents.spheres > 0 {
-        say!("discs: {}, spheres: {}", contents.discs, contents.spheres);
+    let Contents { discs, spheres, cylinders, cones, .. } = contents;
+    if discs + spheres + cylinders + cones > 0 {
+        say!("discs: {discs}, spheres: {spheres}, cylinders: {cylinders}, cones: {cones}");
     }
     say!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
     say!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);

@@ -262,36 +262,25 @@ impl Writer {
         for (s, surface) in geometry.surfaces.iter().enumerate() {
             let material = scene.appearance.surface_material[s].0;
             let two_sided = geometry.two_sided[s];
+            let mut add = |triangles: Vec<[DVec3; 3]>| {
+                let world = triangles.into_iter().map(|t| t.map(|v| v + geometry.centre));
+                meshes.entry((geometry.object[s].0, material, two_sided)).or_default().extend(world);
+            };
             match surface.round() {
-                Some(round) => {
-                    match round {
-                        Round::Disc(disc) => {
-                            let centre = disc.centre + geometry.centre;
-                            let (x, y) = disc.axes();
-                            let (x, y, z) = (disc.radius * x, disc.radius * y, disc.normal);
-                            let row = |k: usize| format!("{} {} {} {}", x[k], y[k], z[k], centre[k]);
-                            let matrix = format!("{} {} {} 0 0 0 1", row(0), row(1), row(2));
-                            self.line(1, "<shape type=\"disk\">");
-                            self.line(2, "<transform name=\"to_world\">");
-                            self.line(3, &format!("<matrix value=\"{matrix}\"/>"));
-                            self.line(2, "</transform>");
-                        }
-                        Round::Sphere(sphere) => {
-                            self.line(1, "<shape type=\"sphere\">");
-                            self.line(2, &point("center", sphere.centre + geometry.centre));
-                            self.line(2, &float("radius", sphere.radius));
-                            if sphere.inward {
-                                self.line(2, "<boolean name=\"flip_normals\" value=\"true\"/>");
-                            }
-                        }
-                    }
+                Some(round) if self.native(round, geometry.centre) => {
                     self.worn(scene, &areas, material, two_sided);
                     self.line(1, "</shape>");
                 }
+                Some(round) => {
+                    let name = &geometry.objects[geometry.object[s].0 as usize];
+                    self.note(format!(
+                        "object \"{name}\": curved surfaces that Mitsuba lacks go as fine meshes"
+                    ));
+                    add(fine_mesh(round));
+                }
                 None => {
                     let (triangles, count) = surface.triangles();
-                    let world = triangles.iter().take(count).map(|t| t.map(|v| v + geometry.centre));
-                    meshes.entry((geometry.object[s].0, material, two_sided)).or_default().extend(world);
+                    add(triangles[..count].to_vec());
                 }
             }
         }
@@ -308,6 +297,42 @@ impl Writer {
             self.line(1, "</shape>");
         }
         Ok(())
+    }
+
+    /// Opens a shape of Mitsuba's own for `round` in a scene centred at `scene_centre`, if there is one.
+    fn native(&mut self, round: &Round, scene_centre: DVec3) -> bool {
+        match round {
+            Round::Disc(disc) => {
+                let centre = disc.centre + scene_centre;
+                let (x, y) = disc.axes();
+                let (x, y, z) = (disc.radius * x, disc.radius * y, disc.normal);
+                let row = |k: usize| format!("{} {} {} {}", x[k], y[k], z[k], centre[k]);
+                let matrix = format!("{} {} {} 0 0 0 1", row(0), row(1), row(2));
+                self.line(1, "<shape type=\"disk\">");
+                self.line(2, "<transform name=\"to_world\">");
+                self.line(3, &format!("<matrix value=\"{matrix}\"/>"));
+                self.line(2, "</transform>");
+            }
+            Round::Sphere(sphere) => {
+                self.line(1, "<shape type=\"sphere\">");
+                self.line(2, &point("center", sphere.centre + scene_centre));
+                self.line(2, &float("radius", sphere.radius));
+                if sphere.inward {
+                    self.line(2, "<boolean name=\"flip_normals\" value=\"true\"/>");
+                }
+            }
+            Round::Cone(cone) if cone.radius == cone.top_radius => {
+                self.line(1, "<shape type=\"cylinder\">");
+                self.line(2, &point("p0", cone.base + scene_centre));
+                self.line(2, &point("p1", cone.top + scene_centre));
+                self.line(2, &float("radius", cone.radius));
+                if cone.inward {
+                    self.line(2, "<boolean name=\"flip_normals\" value=\"true\"/>");
+                }
+            }
+            Round::Cone(_) => return false,
+        }
+        true
     }
 
     /// What a shape wears: BSDF, light, and what fills it.
@@ -336,6 +361,24 @@ impl Writer {
             }
         }
     }
+}
+
+/// Triangles that stand for a surface, none without area: a thousandth of its size or less beside it.
+fn fine_mesh(round: &Round) -> Vec<[DVec3; 3]> {
+    let [across, along] = match round {
+        // A cone is straight from end to end.
+        Round::Cone(_) => [256u32, 1],
+        _ => [64, 64],
+    };
+    let at =
+        |i: u32, j: u32| round.point_at(f64::from(i) / f64::from(across), f64::from(j) / f64::from(along));
+    let cell = |k: u32| {
+        let (i, j) = (k % across, k / across);
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    let has_area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a) != DVec3::ZERO;
+    (0..across * along).flat_map(cell).filter(has_area).collect()
 }
 
 /// Rough or ideal.

@@ -2,7 +2,7 @@
 //!
 //! All functions return q = π F, the projected solid angle of the element seen from the point.
 
-use super::round::{of_piece, within_sphere};
+use super::round::{of_own, of_piece};
 use crate::points::SamplePoints;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -77,11 +77,13 @@ pub fn extent2(points: &SamplePoints, j: usize) -> f32 {
     0.5 * points.corners[j].iter().map(|c| c.distance_squared(points.position[j])).sum::<f32>()
 }
 
-/// q of element `j` seen from point `i`, near or far: of a polygon exact, of a piece of a disc or a sphere by
-/// smaller pieces of the true surface.
+/// q of element `j` seen from point `i`, near or far: of a polygon exact, else by smaller pieces of the true
+/// surface.
 pub fn near(points: &SamplePoints, i: usize, j: usize) -> f64 {
     match points.round(j) {
-        Some(piece) if points.surface[i] == points.surface[j] => within_sphere(&piece),
+        Some(piece) if points.surface[i] == points.surface[j] => {
+            points.round(i).map_or(0.0, |from| of_own(&from, &piece))
+        }
         Some(piece) => of_piece(points.position[i], points.normal[i], &piece),
         None => exact(points.position[i], points.normal[i], &points.corners[j]),
     }

@@ -4,7 +4,7 @@ use super::diffuse::{interleave, unit_of};
 use super::form_factor::{NEAR, exact, plain, plane_distances};
 use super::lobe_table::BAND;
 use super::near::DOUBT;
-use super::round::{of_piece, within_sphere};
+use super::round::{of_own, of_piece};
 use super::settings::Kernel;
 use crate::points::{Piece, SamplePoints};
 use crate::visibility::Links;
@@ -87,10 +87,10 @@ impl<'a> LinkedOperator<'a> {
         if kernel == Kernel::Paper {
             return of_plain();
         }
-        if let Some(&round) = points.rounds.get(&surface) {
+        if let Some(round) = points.rounds.get(&surface) {
             let piece = Piece { round, side, cell };
             if points.surface[i] == surface {
-                return within_sphere(&piece) as f32;
+                return points.round(i).map_or(0.0, |from| of_own(&from, &piece)) as f32;
             }
             let near = cluster.area > NEAR * r2 || cluster.len() > 1;
             return if near {

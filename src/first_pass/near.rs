@@ -4,11 +4,11 @@
 use super::diffuse::{DiffuseOperator, LANES, Lanes};
 use super::form_factor::{NEAR, exact, extent2, near};
 use super::layout::Layout;
-use super::round::{of_whole, within_sphere};
+use super::round::{of_own, of_whole};
 use super::schedule::row_bits;
 use crate::geometry::{Round, Shape, Side, SurfaceId};
 use crate::observer::Observer;
-use crate::points::SamplePoints;
+use crate::points::{Piece, SamplePoints};
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
 use crate::visibility::Tile;
@@ -122,15 +122,20 @@ enum Whole {
 }
 
 impl Whole {
-    /// Whether elements may be partly out of sight of a point that faces them, or in sight of one that they turn away from,
-    /// however far it is.
-    fn is_curved(&self) -> bool {
-        matches!(self, Whole::Round(Round::Sphere(_), ..))
+    /// Whether elements may have no exact factors: they may be partly out of sight of a point that faces them, or in
+    /// sight of one that they turn away from, however far it is, and what is near is summed up of pieces.
+    fn is_inexact(&self) -> bool {
+        matches!(self, Whole::Round(..))
     }
 
-    /// Whether it is the surface `id`, and no polygon.
-    fn is_round(&self, id: SurfaceId) -> bool {
-        matches!(self, Whole::Round(.., own) if *own == id)
+    /// Whether it is this side of the surface `id`, and no polygon.
+    fn is_round(&self, id: SurfaceId, side: Side) -> bool {
+        matches!(self, Whole::Round(_, its, own) if *own == id && *its == side)
+    }
+
+    /// Whether all its elements have their exact factors from each other.
+    fn is_exact_within(&self) -> bool {
+        matches!(self, Whole::Round(Round::Sphere(_), ..))
     }
 
     /// q of all that is above the horizon and faces the point, if known.
@@ -164,11 +169,10 @@ impl Sides {
             let first = patch.points.start;
             let id = (points.surface[first], points.side[first] == Side::Front);
             sides.of_patch.push(*found.entry(id).or_insert_with(|| {
-                sides.wholes.push(match geometry.surface(id.0).shape {
+                sides.wholes.push(match &geometry.surface(id.0).shape {
                     Shape::Quad(v) => Whole::Polygon(v.map(|v| v.as_vec3())),
                     Shape::Triangle([a, b, c]) => Whole::Polygon([a, b, c, c].map(|v| v.as_vec3())),
-                    Shape::Disc(disc) => Whole::Round(Round::Disc(disc), points.side[first], id.0),
-                    Shape::Sphere(sphere) => Whole::Round(Round::Sphere(sphere), points.side[first], id.0),
+                    Shape::Round(round) => Whole::Round(round.clone(), points.side[first], id.0),
                 });
                 sides.wholes.len() - 1
             }));
@@ -256,19 +260,22 @@ impl Receivers<'_> {
                 sums[side].best = larger(sums[side].best, (element as u32, q as f32));
             }
         }
-        if let Some(piece) = points.round(i)
-            && piece.faces_itself()
-        {
-            // An element of the inside of a sphere sees itself.
-            row.entries.push((i as u32, within_sphere(&piece) as f32));
+        let hollow = points.round(i).filter(Piece::faces_itself);
+        let own = hollow.map_or(0.0, |piece| of_own(&piece, &piece));
+        if own > 0.0 {
+            row.entries.push((i as u32, own as f32));
         }
         row.near = row.entries.len() as u64;
         row.entries.sort_unstable_by_key(|e| e.0);
         for &side in met.iter() {
-            let sum = std::mem::take(&mut sums[side]);
+            let mut sum = std::mem::take(&mut sums[side]);
             let whole = &self.sides.wholes[side];
-            // From a sphere itself all its elements have their exact factors.
-            let exact = sum.doubt < DOUBT && !whole.is_curved() || whole.is_round(points.surface[i]);
+            let same = whole.is_round(points.surface[i], points.side[i]);
+            if same {
+                sum.all += own;
+                sum.seen += own;
+            }
+            let exact = sum.doubt < DOUBT && !whole.is_inexact() || same && whole.is_exact_within();
             if sum.seen == 0.0 || exact {
                 continue;
             }

@@ -1,7 +1,7 @@
-//! Form factors to discs and spheres: q = π F, as in [`super::form_factor`].
+//! Form factors to surfaces that are no polygons: q = π F, as in [`super::form_factor`].
 
 use super::form_factor::NEAR;
-use crate::geometry::{Disc, Round, Side};
+use crate::geometry::{Cone, Disc, Profile, Round, Side};
 use crate::points::Piece;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 /// another surface is next to nothing of the hemisphere.
 const DEEPEST: u8 = 8;
 
-/// Of a piece of a disc or a sphere seen from a point of another surface: the plain kernel over pieces of it, each
+/// Of a piece of a surface that is no polygon seen from a point of another surface: the plain kernel over pieces of it, each
 /// with its own place and normal, as small as that is right for; what is below the horizon or faces away does not count.
 pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece) -> f64 {
     let (o, n) = (position.as_dvec3(), normal.as_dvec3());
@@ -24,14 +24,27 @@ pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece) -> f64 {
     q.min(PI)
 }
 
-/// Of a piece of the inside of a sphere seen from any point of that inside: d_i = d_j = r² / 2R, so the kernel
-/// is A / 4R² whatever the point.
-pub fn within_sphere(piece: &Piece) -> f64 {
-    piece.area() / (4.0 * piece.round.radius().powi(2))
+/// Of a piece of a hollow surface seen from the middle of another piece of it, or of itself. On the inside of a sphere
+/// d_i = d_j = r² / 2R, so the kernel is A / 4R² whatever the points. Elsewhere it is bounded in the same way, by the
+/// curvature, and some few pieces add up to it however near they are; but for the tip of a cone, about which it turns within an
+/// element.
+pub fn of_own(from: &Piece, piece: &Piece) -> f64 {
+    if let Round::Sphere(sphere) = piece.round {
+        return piece.area() / (4.0 * sphere.radius * sphere.radius);
+    }
+    let o = from.at(0.5, 0.5);
+    let n = from.normal_at(o);
+    let fine = |place: DVec3, area: f64| area <= 0.02 * place.distance_squared(o);
+    piece.sum(4, fine, |place, its, area| {
+        let d = place - o;
+        let r2 = d.length_squared();
+        let kernel = area * n.dot(d).max(0.0) * (-its.dot(d)).max(0.0) / (r2 * r2);
+        if kernel.is_finite() { kernel } else { 0.0 }
+    })
 }
 
-/// Of all of one side of a disc or a sphere, as far as it is above the horizon and nothing hides it; `None` where
-/// that is not known.
+/// Of all of one side of a surface that is no polygon, as far as it is above the horizon and nothing hides it; `None`
+/// where that is not known.
 pub fn of_whole(position: Vec3, normal: Vec3, round: &Round, side: Side) -> Option<f64> {
     let (o, n) = (position.as_dvec3(), normal.as_dvec3());
     match round {
@@ -45,8 +58,28 @@ pub fn of_whole(position: Vec3, normal: Vec3, round: &Round, side: Side) -> Opti
                 _ => None,
             }
         }
+        Round::Cone(cone) => (!round.looks_out(side)).then(|| of_hollow(o, n, cone)).flatten(),
     }
 }
+
+/// Of the inside of a cylinder or a cone seen from within it: all that is not one of its two ends.
+fn of_hollow(o: DVec3, n: DVec3, cone: &Cone) -> Option<f64> {
+    let (axis, height) = (cone.axis(), cone.height());
+    let Profile { up, .. } = cone.profile(o);
+    let near = NEAR_END * (height + cone.widest());
+    if up < -near || up > height + near || cone.outside(o) > near {
+        return None;
+    }
+    // From a place in the plane of an end, which may lie either way by rounding, it is seen as from a little above.
+    let within = |from: f64, to: f64| o + (up.clamp(from, to.max(from)) - up) * axis;
+    let base = Disc { centre: cone.base, normal: axis, radius: cone.radius };
+    let top = Disc { centre: cone.top, normal: axis, radius: cone.top_radius };
+    let ends = of_disc(within(near, height), n, &base) + of_disc(within(0.0, height - near), n, &top);
+    Some((PI - ends).clamp(0.0, PI))
+}
+
+/// A place so near the plane of an end, as a share of the size, lies in it.
+const NEAR_END: f64 = 1e-6;
 
 /// Of a ball seen from outside: `cosine` of the angle between the receiver's normal and the way to its centre, `sine` of
 /// half the angle that it fills. Clipped at the horizon (the spherical cap's projected solid angle; S. Lagarde and
@@ -158,7 +191,7 @@ mod tests {
             [[0.0, 0.0, -1.0], [-1.0, 0.2, -0.3], [0.5, 1.0, -0.2], [-0.3, -1.0, 0.4], [1.0, 0.1, 0.1]];
         let mut clipped = 0;
         for round in [disc, ball] {
-            let piece = Piece::whole(round, Side::Front);
+            let piece = Piece::whole(&round, Side::Front);
             for place in places.map(Vec3::from) {
                 for normal in normals.map(|n| Vec3::from(n).normalize()) {
                     let expected = fine(place, normal, &piece);

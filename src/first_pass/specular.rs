@@ -6,9 +6,9 @@ use super::member::{Frame, members, outside};
 use super::rows::Rows;
 use super::settings::Kernel;
 pub use super::specular_material::{Shape, SpecularMaterial};
-use crate::geometry::{Round, Side};
+use crate::geometry::Side;
 use crate::observer::Observer;
-use crate::points::{NO_POINT, Piece, SamplePoints};
+use crate::points::{NO_POINT, SamplePoints};
 use crate::scene::SampledAppearance;
 use crate::visibility::VisibilityGraph;
 use rayon::prelude::*;
@@ -83,18 +83,12 @@ pub struct SpecularSet {
     pub(super) balanced: [(usize, Option<(f64, f64)>); 2],
 }
 
-/// m² of the lobe that the normals of element `i` make by themselves: 0 where it is flat. Its neighbours on the sphere
+/// m² of the lobe that the normals of element `i` make by themselves: 0 where it is flat. Its neighbours on a sphere
 /// stand on all sides, their normals as far apart as it is wide: Gaussians of a variance of 3 / 4π of the square of
 /// that distance add up to an even light within 2 %, as for the blur of rough lobes.
 fn normal_spread(points: &SamplePoints, i: usize) -> f32 {
-    match points.round(i) {
-        Some(Piece { round: Round::Sphere(sphere), .. }) => {
-            let variance =
-                3.0 / (4.0 * std::f32::consts::PI) * points.area[i] / (sphere.radius * sphere.radius) as f32;
-            2.0 * variance
-        }
-        _ => 0.0,
-    }
+    let bend2 = points.round(i).map_or(0.0, |piece| piece.bend2());
+    (2.0 * 3.0 / (4.0 * std::f64::consts::PI) * bend2) as f32
 }
 
 impl SpecularSet {

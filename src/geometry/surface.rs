@@ -1,6 +1,6 @@
-//! Surfaces: the convex quadrilaterals of the paper, triangles, discs and spheres.
+//! Surfaces: the convex quadrilaterals of the paper, triangles, and what is no polygon.
 
-use super::{Aabb, Disc, Round, Sphere};
+use super::{Aabb, Cone, Disc, Round, Sphere};
 use glam::{DVec2, DVec3};
 
 /// A quadrilateral further out of plane than this fraction of its longest diagonal is treated as
@@ -8,46 +8,74 @@ use glam::{DVec2, DVec3};
 pub const PLANARITY_TOLERANCE: f64 = 1e-6;
 
 /// The kinds of surface. `v` counts counter-clockwise as seen from the front.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A convex quadrilateral, `(u, v)` bilinear: v0 (0,0), v1 (1,0), v2 (1,1), v3 (0,1).
     Quad([DVec3; 4]),
     /// A triangle; `(u, v)` are the barycentric weights of v1 and v2.
     Triangle([DVec3; 3]),
-    /// A disc; `(u, v)` as [`Round`] says.
-    Disc(Disc),
-    /// A sphere; `(u, v)` as [`Round`] says.
-    Sphere(Sphere),
+    /// No polygon; `(u, v)` as [`Round`] says.
+    Round(Round),
 }
 
 impl Shape {
     /// The shape, if it is no polygon.
     #[inline]
-    pub fn round(&self) -> Option<Round> {
-        match *self {
+    pub fn round(&self) -> Option<&Round> {
+        match self {
+            Shape::Round(round) => Some(round),
             Shape::Quad(_) | Shape::Triangle(_) => None,
-            Shape::Disc(disc) => Some(Round::Disc(disc)),
-            Shape::Sphere(sphere) => Some(Round::Sphere(sphere)),
         }
     }
 
-    /// The shape with its vertices and its centre moved by `local`, its radius as the `f32` lattice holds it.
+    /// The corners, counter-clockwise from the front; what is no polygon has none.
+    pub fn vertices(&self) -> &[DVec3] {
+        match self {
+            Shape::Quad(v) => v,
+            Shape::Triangle(v) => v,
+            Shape::Round(_) => &[],
+        }
+    }
+
+    /// The smallest box around it.
+    pub fn bounds(&self) -> Aabb {
+        match self {
+            Shape::Round(round) => round.bounds(),
+            _ => Aabb::around(self.vertices().iter().copied()),
+        }
+    }
+
+    /// The shape with its vertices and places moved by `local`, its radii as the `f32` lattice holds them.
     pub fn placed(&self, local: impl Fn(DVec3) -> DVec3) -> Shape {
         match self {
             Shape::Quad(v) => Shape::Quad(v.map(local)),
             Shape::Triangle(v) => Shape::Triangle(v.map(local)),
-            Shape::Disc(disc) => Round::Disc(*disc).placed(local).into(),
-            Shape::Sphere(sphere) => Round::Sphere(*sphere).placed(local).into(),
+            Shape::Round(round) => Shape::Round(round.placed(local)),
         }
     }
 }
 
 impl From<Round> for Shape {
     fn from(round: Round) -> Shape {
-        match round {
-            Round::Disc(disc) => Shape::Disc(disc),
-            Round::Sphere(sphere) => Shape::Sphere(sphere),
-        }
+        Shape::Round(round)
+    }
+}
+
+impl From<Disc> for Shape {
+    fn from(disc: Disc) -> Shape {
+        Shape::Round(disc.into())
+    }
+}
+
+impl From<Sphere> for Shape {
+    fn from(sphere: Sphere) -> Shape {
+        Shape::Round(sphere.into())
+    }
+}
+
+impl From<Cone> for Shape {
+    fn from(cone: Cone) -> Shape {
+        Shape::Round(cone.into())
     }
 }
 
@@ -69,7 +97,7 @@ impl Plane {
 }
 
 /// A shape with its plane and area, ready to use.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     /// Vertices or centre, relative to the scene's centre, on the `f32` lattice.
     pub shape: Shape,
@@ -85,12 +113,15 @@ impl Surface {
         let (cross, middle) = match &shape {
             Shape::Quad(v) => ((v[2] - v[0]).cross(v[3] - v[1]), 0.25 * (v[0] + v[1] + v[2] + v[3])),
             Shape::Triangle(v) => ((v[1] - v[0]).cross(v[2] - v[0]), (v[0] + v[1] + v[2]) / 3.0),
-            Shape::Disc(disc) => {
-                let plane = Some(Plane { normal: disc.normal, offset: disc.normal.dot(disc.centre) });
-                return Surface { shape, plane, area: Round::Disc(*disc).area() };
-            }
-            Shape::Sphere(sphere) => {
-                return Surface { shape, plane: None, area: Round::Sphere(*sphere).area() };
+            Shape::Round(round) => {
+                let plane = match round {
+                    Round::Disc(Disc { centre, normal, .. }) => {
+                        Some(Plane { normal: *normal, offset: normal.dot(*centre) })
+                    }
+                    _ => None,
+                };
+                let area = round.area();
+                return Surface { shape, plane, area };
             }
         };
         let normal = cross.normalize_or_zero();
@@ -106,7 +137,7 @@ impl Surface {
 
     /// The shape, if it is no polygon.
     #[inline]
-    pub fn round(&self) -> Option<Round> {
+    pub fn round(&self) -> Option<&Round> {
         self.shape.round()
     }
 
@@ -117,11 +148,7 @@ impl Surface {
 
     /// The corners, counter-clockwise from the front; what is no polygon has none.
     pub fn vertices(&self) -> &[DVec3] {
-        match &self.shape {
-            Shape::Quad(v) => v,
-            Shape::Triangle(v) => v,
-            Shape::Disc(_) | Shape::Sphere(_) => &[],
-        }
+        self.shape.vertices()
     }
 
     /// The triangles that stand for a polygon in every ray tracer, and how many: a quad is
@@ -130,16 +157,13 @@ impl Surface {
         match self.shape {
             Shape::Quad([a, b, c, d]) => ([[a, b, d], [c, d, b]], 2),
             Shape::Triangle(t) => ([t, t], 1),
-            Shape::Disc(_) | Shape::Sphere(_) => ([[DVec3::ZERO; 3]; 2], 0),
+            Shape::Round(_) => ([[DVec3::ZERO; 3]; 2], 0),
         }
     }
 
     /// The smallest box around the surface.
     pub fn bounds(&self) -> Aabb {
-        match self.round() {
-            Some(round) => round.bounds(),
-            None => Aabb::around(self.vertices().iter().copied()),
-        }
+        self.shape.bounds()
     }
 
     /// Unit normal, on the front, at the point of the surface nearest to `p`; for a polygon that of its (mean) plane.
@@ -151,7 +175,7 @@ impl Surface {
         }
     }
 
-    /// Signed distance of `p` from the plane or the sphere, positive in front, m.
+    /// Signed distance of `p` from the plane or the curved surface, positive in front, m.
     #[inline]
     pub fn distance(&self, p: DVec3) -> f64 {
         match (self.plane, self.round()) {
@@ -160,13 +184,13 @@ impl Surface {
         }
     }
 
-    /// The nearest point of the plane or the sphere, m.
+    /// The nearest point of the plane or the curved surface, m.
     #[inline]
     pub fn project(&self, p: DVec3) -> DVec3 {
         p - self.distance(p) * self.normal_at(p)
     }
 
-    /// How far the surface strays from its plane or its sphere, m: 0 but for quadrilaterals that are not quite flat.
+    /// How far the surface strays from its plane, m: 0 but for quadrilaterals that are not quite flat.
     pub fn warp(&self) -> f64 {
         self.vertices().iter().map(|v| self.distance(*v).abs()).fold(0.0, f64::max)
     }
@@ -176,8 +200,7 @@ impl Surface {
         match &self.shape {
             Shape::Quad(q) => q[0].lerp(q[1], u).lerp(q[3].lerp(q[2], u), v),
             Shape::Triangle(t) => (1.0 - u - v) * t[0] + u * t[1] + v * t[2],
-            Shape::Disc(disc) => Round::Disc(*disc).point_at(u, v),
-            Shape::Sphere(sphere) => Round::Sphere(*sphere).point_at(u, v),
+            Shape::Round(round) => round.point_at(u, v),
         }
     }
 

@@ -10,19 +10,19 @@ use glam::{DVec3, Vec3};
 
 /// A convex piece of a polygon, or a piece of a disc or a sphere; a triangle repeats its last corner.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cell {
+pub(super) struct Cell<'a> {
     pub corners: [Vec3; 4],
     /// What is no polygon: its true shape, whose corners are only corners.
-    pub piece: Option<Piece>,
+    pub piece: Option<Piece<'a>>,
     pub surface: SurfaceId,
     pub side: Side,
     /// How often it was divided.
     pub depth: u8,
 }
 
-impl Cell {
+impl<'a> Cell<'a> {
     /// A whole surface.
-    pub fn whole(geometry: &Geometry, surface: SurfaceId, side: Side) -> Cell {
+    pub fn whole(geometry: &'a Geometry, surface: SurfaceId, side: Side) -> Cell<'a> {
         if let Some(round) = geometry.surface(surface).round() {
             return Cell::round(Piece::whole(round, side), surface, 0);
         }
@@ -31,7 +31,7 @@ impl Cell {
         Cell { corners, piece: None, surface, side, depth: 0 }
     }
 
-    fn round(piece: Piece, surface: SurfaceId, depth: u8) -> Cell {
+    fn round(piece: Piece<'a>, surface: SurfaceId, depth: u8) -> Cell<'a> {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[s, t]| piece.at(s, t).as_vec3());
         Cell { corners, piece: Some(piece), surface, side: piece.side, depth }
     }
@@ -58,7 +58,7 @@ impl Cell {
     }
 
     /// Four pieces.
-    pub fn divide(&self) -> [Cell; 4] {
+    pub fn divide(&self) -> [Cell<'a>; 4] {
         if let Some(piece) = &self.piece {
             return piece.quarters().map(|quarter| Cell::round(quarter, self.surface, self.depth + 1));
         }

@@ -21,14 +21,14 @@ pub(super) struct Diffuse<'a> {
     field: &'a DiffuseField<'a>,
     /// Wider than this an element is divided, rad.
     widest: f64,
-    elements: Vec<Cell>,
+    elements: Vec<Cell<'a>>,
 }
 
 impl<'a> Diffuse<'a> {
     /// The elements of `points`; `field` is the first pass's solution anywhere between them.
     pub fn new(
-        scene: &'a LitScene,
-        points: &SamplePoints,
+        scene: &'a LitScene<'a>,
+        points: &'a SamplePoints,
         tracer: &'a dyn RayTracer,
         settings: &MeasureSettings,
         field: &'a DiffuseField<'a>,
@@ -75,7 +75,7 @@ impl<'a> Diffuse<'a> {
 }
 
 /// The element of point `i`.
-pub(super) fn element(points: &SamplePoints, i: usize) -> Cell {
+pub(super) fn element(points: &SamplePoints, i: usize) -> Cell<'_> {
     let piece = points.round(i);
     Cell { corners: points.corners[i], piece, surface: points.surface[i], side: points.side[i], depth: 0 }
 }

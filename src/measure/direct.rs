@@ -21,12 +21,12 @@ pub(super) struct Direct<'a> {
     scene: &'a LitScene<'a>,
     tracer: &'a dyn RayTracer,
     tolerance: f64,
-    emitters: Vec<Cell>,
+    emitters: Vec<Cell<'a>>,
 }
 
 impl<'a> Direct<'a> {
     /// Of `scene`.
-    pub fn new(scene: &'a LitScene, tracer: &'a dyn RayTracer, settings: &MeasureSettings) -> Self {
+    pub fn new(scene: &'a LitScene<'a>, tracer: &'a dyn RayTracer, settings: &MeasureSettings) -> Self {
         Direct { scene, tracer, tolerance: settings.shadow_tolerance, emitters: emitters(scene) }
     }
 
@@ -96,14 +96,15 @@ impl<'a> Direct<'a> {
 }
 
 /// Where rays go in a cell.
-fn aims(cell: &Cell) -> impl Iterator<Item = Vec3> + '_ {
+fn aims<'c>(cell: &'c Cell<'_>) -> impl Iterator<Item = Vec3> + 'c {
     let at = |k: usize| (k as f32 + 0.5) / RAYS as f32;
     (0..RAYS * RAYS).map(move |k| cell.at(at(k % RAYS), at(k / RAYS)))
 }
 
 /// The emitting sides of all surfaces.
-pub(super) fn emitters(scene: &LitScene) -> Vec<Cell> {
+pub(super) fn emitters<'a>(scene: &LitScene<'a>) -> Vec<Cell<'a>> {
     let emits = |&s: &SurfaceId| scene.appearance.of(s).emission.iter().any(|&l| l > 0.0);
-    let whole = |s| sides(scene.geometry, s).map(move |side| Cell::whole(scene.geometry, s, side));
-    (0..scene.geometry.surfaces.len() as u32).map(SurfaceId).filter(emits).flat_map(whole).collect()
+    let geometry = scene.geometry;
+    let whole = |s| sides(geometry, s).map(move |side| Cell::whole(geometry, s, side));
+    (0..geometry.surfaces.len() as u32).map(SurfaceId).filter(emits).flat_map(whole).collect()
 }

@@ -27,14 +27,14 @@ pub(super) struct Images {
 const MOST: usize = 1024;
 
 /// All that can be shown.
-pub(super) struct Emitters {
+pub(super) struct Emitters<'a> {
     /// Emitting surfaces, and lights as cells without extent.
-    cells: Vec<Cell>,
+    cells: Vec<Cell<'a>>,
 }
 
-impl Emitters {
+impl<'a> Emitters<'a> {
     /// Of a scene.
-    pub fn new(scene: &LitScene) -> Self {
+    pub fn new(scene: &LitScene<'a>) -> Self {
         let mut cells = emitters(scene);
         // On a surface that it has nothing to do with: only the corners count.
         let point = |p: DVec3| Cell {

@@ -22,16 +22,16 @@ pub(super) struct Specular<'a> {
     tracer: &'a dyn RayTracer,
     probe: Probe<'a>,
     mirrored: Mirrored<'a>,
-    emitters: Emitters,
+    emitters: Emitters<'a>,
     rays: f64,
-    elements: Vec<Cell>,
+    elements: Vec<Cell<'a>>,
 }
 
 impl<'a> Specular<'a> {
     /// Of the elements of `points`; `field` is the first pass's solution anywhere between them.
     pub fn new(
         scene: &'a LitScene<'a>,
-        points: &SamplePoints,
+        points: &'a SamplePoints,
         tracer: &'a dyn RayTracer,
         settings: &MeasureSettings,
         field: &'a DiffuseField<'a>,
@@ -66,10 +66,10 @@ impl<'a> Specular<'a> {
 
     /// The pieces of specular elements that the sensor sees, each with a ray to it and its projected
     /// solid angle, sr; and the sum of these before anything was hidden.
-    fn aims(&self, place: &Place) -> (Vec<(Cell, Ray, f64)>, f64) {
+    fn aims(&self, place: &Place) -> (Vec<(Cell<'a>, Ray, f64)>, f64) {
         let geometry = self.scene.geometry;
-        let facing = |cell: &Cell| cell.faces(geometry, place).then(|| (*cell, cell.factor(place)));
-        let mut left: Vec<(Cell, f64)> = self.elements.iter().filter_map(facing).collect();
+        let facing = |cell: &Cell<'a>| cell.faces(geometry, place).then(|| (*cell, cell.factor(place)));
+        let mut left: Vec<(Cell<'a>, f64)> = self.elements.iter().filter_map(facing).collect();
         let total: f64 = left.iter().map(|(_, factor)| factor).sum();
         let most = total / self.rays;
         let mut images: BTreeMap<(SurfaceId, Side), Images> = BTreeMap::new();

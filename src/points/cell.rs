@@ -24,27 +24,37 @@ impl Cell {
         self.level <= Cell::MAX_LEVEL && u64::from(self.path) < 1 << (2 * self.level)
     }
 
-    /// The `child`th quarter, 0 to 3. In a quad, a disc or a sphere bit 0 is the upper half of u and bit 1 that of v;
+    /// The `child`th quarter, 0 to 3. In all but a triangle bit 0 is the upper half of u and bit 1 that of v;
     /// in a triangle 0, 1, 2 are the corners and 3 the middle. A cell at [`Cell::MAX_LEVEL`] has none.
     pub fn child(self, child: u32) -> Cell {
         Cell { path: self.path << 2 | child, level: self.level + 1 }
     }
 
+    /// The children taken, the first first.
+    fn steps(self) -> impl Iterator<Item = u32> {
+        (0..self.level).rev().map(move |l| self.path >> (2 * l) & 3)
+    }
+
+    /// Lowest (u, v) and edge of the square that it is of all but a triangle.
+    pub fn square(self) -> (DVec2, f64) {
+        let (mut low, mut size) = (DVec2::ZERO, 1.0);
+        for child in self.steps() {
+            size *= 0.5;
+            low += size * DVec2::new(f64::from(child & 1), f64::from(child >> 1));
+        }
+        (low, size)
+    }
+
     /// Corners in the surface's (u, v), counter-clockwise; a triangle's last is repeated.
     pub fn corners_uv(self, shape: &Shape) -> [DVec2; 4] {
-        let steps = (0..self.level).rev().map(|l| self.path >> (2 * l) & 3);
         match shape {
-            Shape::Quad(_) | Shape::Disc(_) | Shape::Sphere(_) => {
-                let (mut lo, mut size) = (DVec2::ZERO, 1.0);
-                for child in steps {
-                    size *= 0.5;
-                    lo += size * DVec2::new(f64::from(child & 1), f64::from(child >> 1));
-                }
+            Shape::Quad(_) | Shape::Round(_) => {
+                let (lo, size) = self.square();
                 [lo, lo + DVec2::new(size, 0.0), lo + DVec2::splat(size), lo + DVec2::new(0.0, size)]
             }
             Shape::Triangle(_) => {
                 let mut t = [DVec2::ZERO, DVec2::X, DVec2::Y];
-                for child in steps {
+                for child in self.steps() {
                     let m = [0.5 * (t[1] + t[2]), 0.5 * (t[2] + t[0]), 0.5 * (t[0] + t[1])];
                     t = match child {
                         0 => [t[0], m[2], m[1]],

@@ -75,7 +75,7 @@ mod tests {
     }
 
     fn sampled(shapes: &[(Shape, bool)]) -> (Geometry, SamplePoints) {
-        let shapes = shapes.iter().map(|&(s, two)| (s, two, 0, ObjectId(0))).collect();
+        let shapes = shapes.iter().map(|(s, two)| (s.clone(), *two, 0, ObjectId(0))).collect();
         let geometry = Geometry::new(shapes, vec!["squares".into()]);
         let elements = divide_by_area(&geometry, &Sampling::by_area(0.3));
         let points = SamplePoints::new(&geometry, &elements, 1, |_| 0);
@@ -102,8 +102,7 @@ mod tests {
     fn points_of_a_sphere_face_on_the_inside_alone() {
         for inward in [false, true] {
             let centre = DVec3::new(1.0, -2.0, 0.5);
-            let (geometry, points) =
-                sampled(&[(Shape::Sphere(Sphere { centre, radius: 1.3, inward }), true)]);
+            let (geometry, points) = sampled(&[(Shape::from(Sphere { centre, radius: 1.3, inward }), true)]);
             let sides = |i: usize| (points.side[i] == Side::Front) == inward;
             for i in 0..points.len() {
                 for j in 0..points.len() {

@@ -64,7 +64,7 @@ pub struct SamplePoints {
     /// δS_i, m².
     pub area: Vec<f32>,
     /// Corners of the element, counter-clockwise as seen from the point's own side; the last is
-    /// repeated for a triangle. An element of a disc or a sphere is more than they tell: see
+    /// repeated for a triangle. An element of what is no polygon is more than they tell: see
     /// [`SamplePoints::round`].
     pub corners: Vec<[Vec3; 4]>,
     /// The surface it lies on.
@@ -75,7 +75,7 @@ pub struct SamplePoints {
     pub twin: Vec<u32>,
     /// The element, as a cell of the surface's quadtree.
     pub cell: Vec<Cell>,
-    /// The discs and spheres among the surfaces of the points.
+    /// Those of the surfaces of the points that are no polygons.
     pub rounds: BTreeMap<SurfaceId, Round>,
     /// First point of each voxel, and at the end the number of points: `[voxels + 1]`.
     pub voxel_starts: Vec<u32>,
@@ -101,20 +101,19 @@ impl SamplePoints {
 
     /// The element of point `i`, if it is no polygon.
     #[inline]
-    pub fn round(&self, i: usize) -> Option<Piece> {
+    pub fn round(&self, i: usize) -> Option<Piece<'_>> {
         // Most scenes have none, and need not be asked about each point.
         if self.rounds.is_empty() {
             return None;
         }
-        let round = *self.rounds.get(&self.surface[i])?;
+        let round = self.rounds.get(&self.surface[i])?;
         Some(Piece { round, side: self.side[i], cell: self.cell[i] })
     }
 
     /// Whether points `i` and `j` lie on the same planar surface, and so cannot face each other.
     #[inline]
     pub fn share_plane(&self, i: usize, j: usize) -> bool {
-        self.surface[i] == self.surface[j]
-            && !matches!(self.rounds.get(&self.surface[i]), Some(Round::Sphere(_)))
+        self.surface[i] == self.surface[j] && self.rounds.get(&self.surface[i]).is_none_or(Round::is_planar)
     }
 
     /// The points of voxel `v`.

@@ -1,40 +1,41 @@
-//! Pieces of discs and spheres.
+//! Pieces of surfaces that are no polygons.
 
 use super::Cell;
 use crate::geometry::{Round, Side};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
 
-/// A cell of one side of a disc or a sphere.
+/// A cell of one side of a surface that is no polygon.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Piece {
+pub struct Piece<'a> {
     /// The whole surface.
-    pub round: Round,
+    pub round: &'a Round,
     /// The side.
     pub side: Side,
     /// The cell.
     pub cell: Cell,
 }
 
-impl Piece {
+impl<'a> Piece<'a> {
     /// All of one side.
-    pub fn whole(round: Round, side: Side) -> Piece {
+    pub fn whole(round: &'a Round, side: Side) -> Piece<'a> {
         Piece { round, side, cell: Cell::ROOT }
     }
 
-    /// Whether it is of the inside of a sphere, of which every element sees all others and itself.
+    /// Whether it may be hollow, as the inside of a sphere is: then it sees some of itself.
     pub fn faces_itself(&self) -> bool {
-        matches!(self.round, Round::Sphere(_)) && !self.round.looks_out(self.side)
+        !self.round.is_planar() && !self.round.looks_out(self.side)
     }
 
-    /// Area, m²: the same for all pieces of a level.
+    /// Area, m².
     pub fn area(&self) -> f64 {
         self.round.area() * 0.25f64.powi(i32::from(self.cell.level))
     }
 
     /// The place at `(s, t)` of the unit square over the piece, m.
     pub fn at(&self, s: f64, t: f64) -> DVec3 {
-        let [low, _, high, _] = self.cell.corners_uv(&self.round.into());
-        let uv = low + (high - low) * glam::DVec2::new(s, t);
+        let (low, size) = self.cell.square();
+        let uv = low + size * DVec2::new(s, t);
         self.round.point_at(uv.x, uv.y)
     }
 
@@ -59,14 +60,36 @@ impl Piece {
     pub fn may_face(&self, p: DVec3) -> bool {
         let middle = self.at(0.5, 0.5);
         let way = p - middle;
-        let turn =
-            if matches!(self.round, Round::Sphere(_)) { self.reach() / self.round.radius() } else { 0.0 };
-        // Over the piece the normal turns by no more than its width over the radius.
+        let turn = self.turn();
         self.normal_at(middle).dot(way) + turn * (way.length() + self.reach()) > 0.0
     }
 
+    /// The normal is nowhere on the piece further from that of its middle.
+    fn turn(&self) -> f64 {
+        match self.round {
+            Round::Disc(_) => 0.0,
+            // By no more than the width over the radius.
+            Round::Sphere(sphere) => self.reach() / sphere.radius,
+            Round::Cone(_) => PI * self.cell.square().1,
+        }
+    }
+
+    /// Half the square of the angle by which the normal turns over the piece, one way and the other together: of a
+    /// piece of a sphere, its area over the square of the radius.
+    pub fn bend2(&self) -> f64 {
+        match self.round {
+            Round::Disc(_) => 0.0,
+            Round::Sphere(sphere) => self.area() / (sphere.radius * sphere.radius),
+            Round::Cone(_) => {
+                let turn = |a: DVec3, b: DVec3| self.normal_at(a).angle_between(self.normal_at(b)).powi(2);
+                let at = |s: f64, t: f64| self.at(s, t);
+                0.5 * (turn(at(0.0, 0.5), at(1.0, 0.5)) + turn(at(0.5, 0.0), at(0.5, 1.0)))
+            }
+        }
+    }
+
     /// The four quarters.
-    pub fn quarters(&self) -> [Piece; 4] {
+    pub fn quarters(&self) -> [Piece<'a>; 4] {
         [0, 1, 2, 3].map(|child| Piece { cell: self.cell.child(child), ..*self })
     }
 

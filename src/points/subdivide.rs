@@ -17,7 +17,7 @@ pub fn divide_by_area(geometry: &Geometry, sampling: &Sampling) -> Vec<Element> 
         open.push((SurfaceId(s as u32), Cell::ROOT));
         let max_area = geometry.max_area_of(SurfaceId(s as u32), sampling);
         while let Some((id, cell)) = open.pop() {
-            let least = geometry.surface(id).round().map_or(0, |_| Round::LEAST_LEVEL);
+            let least = geometry.surface(id).round().map_or(0, Round::least_level);
             let large = cell.level < least || element_area(geometry, (id, cell)) > max_area;
             if large && cell.level < sampling.max_level.min(Cell::MAX_LEVEL) {
                 open.extend((0..4).rev().map(|c| (id, cell.child(c))));
@@ -120,7 +120,7 @@ impl SamplePoints {
                 }
             }
             if let Some(round) = surface.round() {
-                points.rounds.insert(id, round);
+                points.rounds.entry(id).or_insert_with(|| round.clone());
             }
             points.position.push(draft.position);
             points.normal.push(normal);

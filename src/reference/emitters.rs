@@ -1,6 +1,6 @@
 //! What gives light, and how a place on it is drawn.
 
-use crate::geometry::{Round, Side, SurfaceId};
+use crate::geometry::{Side, SurfaceId};
 use crate::scene::{Geometry, SampledAppearance};
 use glam::DVec3;
 
@@ -121,7 +121,7 @@ impl Emitters {
 fn place(geometry: &Geometry, id: SurfaceId, u: f64, v: f64) -> DVec3 {
     let surface = geometry.surface(id);
     match surface.round() {
-        Some(round @ (Round::Disc(_) | Round::Sphere(_))) => round.point_at(u, v),
+        Some(round) => round.point_at(u, v),
         None => {
             let (triangles, count) = surface.triangles();
             let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();

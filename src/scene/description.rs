@@ -170,6 +170,10 @@ pub struct ObjectTable {
     pub discs: Vec<Spanned<DiscTable>>,
     #[serde(default)]
     pub spheres: Vec<Spanned<SphereTable>>,
+    #[serde(default)]
+    pub cylinders: Vec<Spanned<CylinderTable>>,
+    #[serde(default)]
+    pub cones: Vec<Spanned<ConeTable>>,
     pub obj: Option<Name>,
     pub scale: Option<Spanned<f64>>,
     pub translate: Option<Spanned<[f64; 3]>>,
@@ -192,6 +196,29 @@ pub struct DiscTable {
 pub struct SphereTable {
     pub centre: Spanned<[f64; 3]>,
     pub radius: Spanned<f64>,
+    #[serde(default)]
+    pub inward: bool,
+}
+
+/// `cylinders = [{ ... }]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CylinderTable {
+    pub base: Spanned<[f64; 3]>,
+    pub top: Spanned<[f64; 3]>,
+    pub radius: Spanned<f64>,
+    #[serde(default)]
+    pub inward: bool,
+}
+
+/// `cones = [{ ... }]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConeTable {
+    pub base: Spanned<[f64; 3]>,
+    pub top: Spanned<[f64; 3]>,
+    pub radius: Spanned<f64>,
+    pub top_radius: Option<Spanned<f64>>,
     #[serde(default)]
     pub inward: bool,
 }

@@ -22,6 +22,7 @@ mod suggest;
 mod surfaces;
 mod touching;
 mod web;
+mod written;
 
 pub use camera::{Camera, View};
 pub use light::{Distribution, Light, LightKind, LightLevel, LightSource, Way};
@@ -91,7 +92,7 @@ impl Geometry {
     /// Centres `shapes` (world coordinates, with `two_sided`, patch and object of each) and puts
     /// their vertices, centres and radii on the `f32` lattice.
     pub fn new(shapes: Vec<(crate::geometry::Shape, bool, u32, ObjectId)>, objects: Vec<String>) -> Self {
-        let bounds = shapes.iter().fold(Aabb::EMPTY, |b, (shape, ..)| b.union(Surface::new(*shape).bounds()));
+        let bounds = shapes.iter().fold(Aabb::EMPTY, |b, (shape, ..)| b.union(shape.bounds()));
         let centre = if shapes.is_empty() { DVec3::ZERO } else { bounds.centre() };
         let local = |p: DVec3| (p - centre).as_vec3().as_dvec3();
         let mut geometry = Geometry {

@@ -4,7 +4,7 @@ use super::description::MoveTable;
 use super::places::{direction, vector};
 use super::source::Sources;
 use crate::error::Result;
-use crate::geometry::{Disc, Shape};
+use crate::geometry::Shape;
 use glam::{DMat3, DVec3};
 
 /// A rigid motion, x to `rotation` x + `offset`, in world coordinates, m.
@@ -51,17 +51,10 @@ impl Motion {
     /// `shape` where the motion takes it.
     pub fn moved(&self, shape: &Shape) -> Shape {
         let place = |p: DVec3| self.rotation * p + self.offset;
-        match *shape {
+        match shape {
             Shape::Quad(corners) => Shape::Quad(corners.map(place)),
             Shape::Triangle(corners) => Shape::Triangle(corners.map(place)),
-            Shape::Disc(disc) => {
-                let normal = (self.rotation * disc.normal).normalize();
-                Shape::Disc(Disc { centre: place(disc.centre), normal, ..disc })
-            }
-            Shape::Sphere(mut sphere) => {
-                sphere.centre = place(sphere.centre);
-                Shape::Sphere(sphere)
-            }
+            Shape::Round(round) => Shape::Round(round.moved(self.rotation, self.offset)),
         }
     }
 }

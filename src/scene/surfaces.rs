@@ -1,13 +1,10 @@
-//! From quads, triangles, discs, spheres and OBJ faces to the geometry of a scene.
+//! From shapes as written and OBJ faces to the geometry of a scene.
 
 use super::compile::{MAX_COORDINATE, MIN_RADIUS};
-use super::description::{DiscTable, SphereTable};
 use super::parts::{FacePlace, Part};
-use super::places::{direction, vector};
-use super::source::Sources;
-use super::{Geometry, ObjectId, SceneDescription};
+use super::{Geometry, ObjectId, SceneDescription, written};
 use crate::error::Result;
-use crate::geometry::{Aabb, Disc, QuadKind, Round, Shape, Sphere, Surface, classify_quad, is_triangle};
+use crate::geometry::{Aabb, QuadKind, Round, Shape, Surface, classify_quad, is_triangle};
 use glam::DVec3;
 
 /// More surfaces than this are refused.
@@ -43,7 +40,7 @@ pub fn shape(
 ) -> Result<Shaped> {
     let faces = faces(description, parts)?;
     // Faces are judged as they will be stored: relative to the centre and on the f32 lattice.
-    let bounds = faces.iter().fold(Aabb::EMPTY, |b, f| b.union(Surface::new(f.shape).bounds()));
+    let bounds = faces.iter().fold(Aabb::EMPTY, |b, f| b.union(f.shape.bounds()));
     let centre = bounds.centre();
     let stored = |p: DVec3| (p - centre).as_vec3().as_dvec3();
     let mut shapes = Vec::with_capacity(faces.len());
@@ -67,8 +64,7 @@ pub fn shape(
         }
     }
     if shapes.is_empty() {
-        let message =
-            "there is no surface; add [[objects]] with quads, triangles, discs, spheres or an obj file";
+        let message = "there is no surface; add [[objects]] with quads, triangles, discs, spheres, cylinders, cones or an obj file";
         return Err(description.sources.error(0, message));
     }
     let mut geometry = Geometry::new(shapes, parts.iter().map(|p| p.name.clone()).collect());
@@ -90,32 +86,12 @@ pub fn shape(
     Ok(Shaped { geometry, notes: notes(parts, &mended) })
 }
 
-/// Whether the `f32` lattice leaves nothing of a surface: no area, or less of a disc or a sphere than points must be
+/// Whether the `f32` lattice leaves nothing of a surface: no area, or less of what is no polygon than points must be
 /// apart to face each other.
 fn is_too_small(surface: &Surface, geometry: &Geometry) -> bool {
     let flat = surface.plane().is_some_and(|plane| plane.normal == DVec3::ZERO);
-    let lost = |round: Round| round.radius() < 16.0 * geometry.plane_tolerance();
+    let lost = |round: &Round| round.least_size() < 16.0 * geometry.plane_tolerance();
     surface.area <= 0.0 || !surface.area.is_finite() || flat || surface.round().is_some_and(lost)
-}
-
-/// A disc as written.
-fn disc(sources: &Sources, table: &DiscTable) -> Result<Shape> {
-    let centre = vector(sources, &table.centre, "the centre of a disc")?;
-    let normal = direction(sources, &table.normal, "the normal of a disc")?;
-    Ok(Shape::Disc(Disc { centre, normal, radius: radius(sources, &table.radius)? }))
-}
-
-/// A sphere as written.
-fn sphere(sources: &Sources, table: &SphereTable) -> Result<Shape> {
-    let centre = vector(sources, &table.centre, "the centre of a sphere")?;
-    Ok(Shape::Sphere(Sphere { centre, radius: radius(sources, &table.radius)?, inward: table.inward }))
-}
-
-fn radius(sources: &Sources, at: &toml::Spanned<f64>) -> Result<f64> {
-    match *at.get_ref() {
-        radius if radius > 0.0 && radius <= MAX_COORDINATE => Ok(radius),
-        _ => Err(sources.error(at.span().start, "a radius is a positive number of metres, at most 1e18")),
-    }
 }
 
 /// All faces in the order of the parts; numbers are finite and in range.
@@ -130,22 +106,9 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
             part += 1;
         }
         let Some(mesh) = description.meshes.get(&i) else {
-            for quad in &table.quads {
-                let shape = Shape::Quad(quad.get_ref().map(DVec3::from_array));
-                faces.push(Face { shape, part: first, place: FacePlace::Toml(quad.span().start) });
-            }
-            for triangle in &table.triangles {
-                let shape = Shape::Triangle(triangle.get_ref().map(DVec3::from_array));
-                faces.push(Face { shape, part: first, place: FacePlace::Toml(triangle.span().start) });
-            }
-            for table in &table.discs {
-                let shape = disc(&description.sources, table.get_ref())?;
-                faces.push(Face { shape, part: first, place: FacePlace::Toml(table.span().start) });
-            }
-            for table in &table.spheres {
-                let shape = sphere(&description.sources, table.get_ref())?;
-                faces.push(Face { shape, part: first, place: FacePlace::Toml(table.span().start) });
-            }
+            let shapes = written::shapes(&description.sources, table)?;
+            let face = |(shape, at)| Face { shape, part: first, place: FacePlace::Toml(at) };
+            faces.extend(shapes.into_iter().map(face));
             continue;
         };
         let scale = table.scale.as_ref().map_or(1.0, |s| *s.get_ref());
@@ -169,10 +132,10 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
         return Err(description.sources.error(0, message));
     }
     for face in &faces {
-        let surface = Surface::new(face.shape);
-        let Aabb { min, max } = surface.round().map_or(Aabb::EMPTY, |round| round.bounds());
-        let ends = if surface.round().is_some() { &[min, max][..] } else { &[] };
-        if !surface
+        let shape = &face.shape;
+        let Aabb { min, max } = shape.round().map_or(Aabb::EMPTY, Round::bounds);
+        let ends = if shape.round().is_some() { &[min, max][..] } else { &[] };
+        if !shape
             .vertices()
             .iter()
             .chain(ends)
@@ -189,11 +152,10 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
 fn check_object(description: &SceneDescription, i: usize) -> Result<()> {
     let object = &description.document.objects[i];
     let (table, sources) = (object.get_ref(), &description.sources);
-    let flat = !table.quads.is_empty() || !table.triangles.is_empty();
-    let drawn = flat || !table.discs.is_empty() || !table.spheres.is_empty();
-    if drawn == table.obj.is_some() {
+    if written::is_drawn(table) == table.obj.is_some() {
         let message = format!(
-            "object \"{}\" needs `quads`, `triangles`, `discs` and `spheres`, or else `obj`; give one or the other",
+            "object \"{}\" needs `quads`, `triangles`, `discs`, `spheres`, `cylinders` or `cones`, or else `obj`; give \
+             one or the other",
             table.name.get_ref()
         );
         return Err(sources.error(object.span().start, message));
@@ -245,10 +207,10 @@ fn pieces(shape: &Shape, stored: impl Fn(DVec3) -> DVec3) -> std::result::Result
     let [a, b, c, d] = match *shape {
         Shape::Triangle(t) => return Ok(vec![triangle(t)?]),
         Shape::Quad(quad) => quad,
-        Shape::Disc(_) | Shape::Sphere(_) => return Ok(vec![*shape]),
+        Shape::Round(_) => return Ok(vec![shape.clone()]),
     };
     match classify_quad(&[a, b, c, d].map(&stored)) {
-        QuadKind::Flat => Ok(vec![*shape]),
+        QuadKind::Flat => Ok(vec![shape.clone()]),
         QuadKind::Warped => Ok(vec![triangle([a, b, d])?, triangle([c, d, b])?]),
         QuadKind::NotConvex(corner) => Err(Fault::NotConvex(corner)),
         QuadKind::Degenerate => Err(Fault::NoArea),

@@ -3,11 +3,11 @@
 use crate::geometry::{Round, Shape, Surface};
 use glam::{DVec2, DVec3};
 
-/// A surface's plane with two axes, ready to invert [`Surface::point_at`]. For a disc or a sphere the plane is that of its
-/// parameters, as large as the surface: cells are squares in it, and what is linear along their edges meets on both sides.
-#[derive(Clone, Copy, Debug)]
+/// A surface's plane with two axes, ready to invert [`Surface::point_at`]. For what is no polygon the plane is that of
+/// its parameters, as large as the surface: cells are rectangles in it, and what is linear along their edges meets on both sides.
+#[derive(Clone, Debug)]
 pub struct Chart {
-    round: Option<(Round, f64)>,
+    round: Option<(Round, DVec2)>,
     origin: DVec3,
     x: DVec3,
     y: DVec3,
@@ -32,7 +32,7 @@ impl Chart {
             let [origin, x, y] = [DVec3::ZERO; 3];
             let [e, f, g] = [DVec2::ZERO; 3];
             return Chart {
-                round: Some((round, round.area().sqrt())),
+                round: Some((round.clone(), round.lengths())),
                 origin,
                 x,
                 y,
@@ -71,35 +71,20 @@ impl Chart {
     /// `p` in the plane, relative to v0, m.
     #[inline]
     pub fn plane(&self, p: DVec3) -> DVec2 {
-        if let Some((round, width)) = &self.round {
-            return *width * round.uv_of(p);
+        if let Some((round, lengths)) = &self.round {
+            return *lengths * round.uv_of(p);
         }
         let d = p - self.origin;
         DVec2::new(self.x.dot(d), self.y.dot(d))
     }
 
-    /// `p` in the plane, where the plane folds onto itself the place nearest to `towards`, m.
-    pub fn plane_near(&self, p: DVec3, towards: DVec2) -> DVec2 {
-        let at = self.plane(p);
-        let Some((Round::Sphere(_), width)) = self.round else { return at };
-        let on_border = |x: f64| (0.5 * width - (x - 0.5 * width).abs()) < 1e-6 * width;
-        let (across, along) = (DVec2::new(width - at.x, at.y), DVec2::new(at.x, width - at.y));
-        let mut nearest = at;
-        let mut try_place = |place: DVec2| {
-            if place.distance_squared(towards) < nearest.distance_squared(towards) {
-                nearest = place;
-            }
-        };
-        if on_border(at.x) {
-            try_place(along);
+    /// The place of a node in the plane, m: `p` in space, at `(u, v)` of an element that it borders on. Where the plane
+    /// of the parameters folds onto itself, one place in space is several there.
+    pub fn plane_at(&self, p: DVec3, uv: DVec2) -> DVec2 {
+        match &self.round {
+            Some((_, lengths)) => *lengths * uv,
+            None => self.plane(p),
         }
-        if on_border(at.y) {
-            try_place(across);
-        }
-        if on_border(at.x) && on_border(at.y) {
-            try_place(DVec2::splat(width) - at);
-        }
-        nearest
     }
 
     /// (u, v) of the place `p`, brought into the surface.
@@ -118,8 +103,8 @@ impl Chart {
     /// the Jacobian and so positive: that root is taken, in the form that does not cancel.
     #[inline]
     fn uv(&self, h: DVec2) -> DVec2 {
-        if let Some((_, width)) = self.round {
-            return DVec2::new(clamp_unit(h.x / width), clamp_unit(h.y / width));
+        if let Some((_, lengths)) = &self.round {
+            return DVec2::new(clamp_unit(h.x / lengths.x), clamp_unit(h.y / lengths.y));
         }
         let (e, f, g) = (self.e, self.f, self.g);
         let (a, b, c) = (g.perp_dot(f), h.perp_dot(g) + e.perp_dot(f), h.perp_dot(e));

@@ -95,9 +95,9 @@ impl Interpolator {
             let uv = cell.centre_uv(&surface.shape);
             let position = surface.point_at(uv.x, uv.y);
             let chart = &charts[id.index()];
-            let centre = chart.plane(position);
-            for &node in lattice.border.of(i) {
-                let at = chart.plane_near(lattice.position[node as usize], centre);
+            let centre = chart.plane_at(position, uv);
+            for (&node, at) in lattice.border.of(i).iter().zip(lattice.border_uv(i)) {
+                let at = chart.plane_at(lattice.position[node as usize], at);
                 border_at.push((at - centre).as_vec2().to_array());
             }
             let border = lattice.border.range(i);

@@ -65,7 +65,7 @@ impl Lamps {
             let sides = if geometry.two_sided[s] { &[Side::Front, Side::Back][..] } else { &[Side::Front] };
             for &side in sides {
                 let body = match surface.round() {
-                    Some(round) => Body::Round(round, side),
+                    Some(round) => Body::Round(round.clone(), side),
                     None => {
                         let (mut triangles, count) = surface.triangles();
                         if side == Side::Back {

@@ -1,10 +1,10 @@
 //! The nodes between elements: corners of cells and middles of their edges, found exactly through
 //! integer coordinates, across levels of the quadtree and across the surfaces of one patch.
 
-use crate::geometry::{Shape, Side, Surface};
+use crate::geometry::{Round, Shape, Side, Surface};
 use crate::points::{Cell, SamplePoints};
 use crate::scene::Geometry;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::{HashMap, HashSet};
 
 /// Lattice steps along a whole edge of a surface: one level finer than the deepest cell, so that
@@ -37,6 +37,8 @@ pub(super) struct Lattice {
     pub touching: Lists,
     /// Nodes on each element's border, counter-clockwise in (u, v), from the first corner.
     pub border: Lists,
+    /// (u, v) of each of these nodes as its element has it, in lattice coordinates.
+    border_place: Vec<Place>,
     /// Corner nodes of each element; a triangle's last is repeated.
     pub corners: Vec<[u32; 4]>,
     /// Whether the border is corner, middle, corner, middle and so on.
@@ -126,7 +128,7 @@ impl Lattice {
         let corners: Vec<[u32; 4]> =
             (0..n).map(|i| places[i].map(|place| builder.corner(owner(i), place))).collect();
 
-        let mut border = Vec::new();
+        let (mut border, mut border_place) = (Vec::new(), Vec::new());
         let mut middles: Vec<(u32, u32, u32, Key)> = Vec::new();
         let mut regular = Vec::with_capacity(n);
         for i in 0..n {
@@ -138,15 +140,18 @@ impl Lattice {
                 builder.divide((surface, side), places[i][k], places[i][(k + 1) % sides], &mut edge);
                 edge.push((corners[i][(k + 1) % sides], places[i][(k + 1) % sides]));
                 border.push((i as u32, edge[0].0));
+                border_place.push(edge[0].1);
                 if edge.len() == 2 {
                     let middle = between(edge[0].1, edge[1].1);
                     let key = builder.key((surface, side), middle);
                     let node = builder.middle((surface, side), middle, key);
                     border.push((i as u32, node));
+                    border_place.push(middle);
                     middles.push((node, edge[0].0, edge[1].0, key));
                 } else {
                     even &= edge.len() == 3;
                     border.extend(edge[1..edge.len() - 1].iter().map(|(node, _)| (i as u32, *node)));
+                    border_place.extend(edge[1..edge.len() - 1].iter().map(|(_, place)| *place));
                     for pair in edge.windows(2) {
                         let key = builder.key((surface, side), between(pair[0].1, pair[1].1));
                         builder.pieces.insert(key);
@@ -168,10 +173,16 @@ impl Lattice {
             halves,
             touching: Lists::from_pairs(builder.position.len(), &touching),
             border: Lists::from_pairs(n, &border),
+            border_place,
             corners,
             regular,
             position: builder.position,
         }
+    }
+
+    /// (u, v) of the nodes on the border of an element, as it has them.
+    pub fn border_uv(&self, element: usize) -> impl Iterator<Item = DVec2> {
+        self.border_place[self.border.range(element)].iter().map(|&place| uv_of(place))
     }
 
     /// The element and all that touch it; increasing.
@@ -210,7 +221,9 @@ impl Builder<'_> {
     /// any there is one in the middle, for the neighbours come from a quadtree.
     fn divide(&self, owner: (usize, Side), a: Place, b: Place, found: &mut Vec<(u32, Place)>) {
         let middle = between(a, b);
-        if middle == a || middle == b {
+        // An edge without length is one node.
+        let collapsed = || self.key(owner, a) == self.key(owner, b);
+        if middle == a || middle == b || collapsed() {
             return;
         }
         if let Some(&node) = self.corners.get(&self.key(owner, middle)) {
@@ -229,8 +242,7 @@ impl Builder<'_> {
             _ => Key::Edge(b, a, UNIT - steps),
         };
         match (&self.geometry.surfaces[surface].shape, place) {
-            (Shape::Disc(_), _) => Key::Inside(sheet(surface, side) as u32, place),
-            (Shape::Sphere(_), _) => Key::Inside(sheet(surface, side) as u32, folded(place)),
+            (Shape::Round(round), _) => Key::Inside(sheet(surface, side) as u32, folded(round, place)),
             (_, [i, 0]) => edge(v[0], v[1], i),
             (Shape::Quad(_), [UNIT, j]) => edge(v[1], v[2], j),
             (Shape::Quad(_), [i, UNIT]) => edge(v[3], v[2], i),
@@ -242,15 +254,23 @@ impl Builder<'_> {
     }
 }
 
-/// The one of several places of a sphere's square that are one place in space: each edge of the border folds onto itself about its
-/// middle, and so all four corners are one pole.
-fn folded([i, j]: Place) -> Place {
+/// The one of several places of a square that are one place in space. Each edge of a sphere's folds onto itself about its
+/// middle, and so all four corners are one pole; the first and the last edge of a cone's are one line, and its edge
+/// without length is one point.
+fn folded(round: &Round, [i, j]: Place) -> Place {
     let ends = |x: u32| x == 0 || x == UNIT;
-    match (ends(i), ends(j)) {
-        (true, true) => [0, 0],
-        (true, false) => [i, j.min(UNIT - j)],
-        (false, true) => [i.min(UNIT - i), j],
-        (false, false) => [i, j],
+    match round {
+        Round::Disc(_) => [i, j],
+        Round::Sphere(_) => match (ends(i), ends(j)) {
+            (true, true) => [0, 0],
+            (true, false) => [i, j.min(UNIT - j)],
+            (false, true) => [i.min(UNIT - i), j],
+            (false, false) => [i, j],
+        },
+        Round::Cone(cone) => {
+            let is_apex = j == 0 && cone.radius == 0.0 || j == UNIT && cone.top_radius == 0.0;
+            [if is_apex { 0 } else { i % UNIT }, j]
+        }
     }
 }
 
@@ -258,9 +278,13 @@ fn between(a: Place, b: Place) -> Place {
     [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]
 }
 
-fn add(position: &mut Vec<DVec3>, geometry: &Geometry, surface: usize, [i, j]: Place) -> u32 {
-    let (u, v) = (f64::from(i) / f64::from(UNIT), f64::from(j) / f64::from(UNIT));
-    position.push(geometry.surfaces[surface].point_at(u, v));
+fn uv_of([i, j]: Place) -> DVec2 {
+    DVec2::new(f64::from(i), f64::from(j)) / f64::from(UNIT)
+}
+
+fn add(position: &mut Vec<DVec3>, geometry: &Geometry, surface: usize, place: Place) -> u32 {
+    let uv = uv_of(place);
+    position.push(geometry.surfaces[surface].point_at(uv.x, uv.y));
     (position.len() - 1) as u32
 }
 

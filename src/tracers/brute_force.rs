@@ -2,7 +2,7 @@
 
 use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
-use crate::geometry::{Hit, Ray, Shape, Side, Surface, SurfaceId};
+use crate::geometry::{Hit, Ray, Side, Surface, SurfaceId};
 use crate::scene::Geometry;
 use glam::DVec3;
 
@@ -49,13 +49,9 @@ fn cross_surface(ray: &Ray, frame: &RayFrame, surface: &Surface) -> Option<f64> 
 
 /// The side of `surface` that `ray` meets at `t`.
 pub fn side_met(surface: &Surface, ray: &Ray, t: f64) -> Side {
-    let against = match (surface.plane(), surface.shape) {
-        (Some(plane), _) => plane.normal.dot(ray.direction),
-        (None, Shape::Sphere(sphere)) => {
-            let outwards = (ray.at(t) - sphere.centre).dot(ray.direction);
-            if sphere.inward { -outwards } else { outwards }
-        }
-        (None, _) => 0.0,
+    let against = match surface.plane() {
+        Some(plane) => plane.normal.dot(ray.direction),
+        None => surface.normal_at(ray.at(t)).dot(ray.direction),
     };
     if against <= 0.0 { Side::Front } else { Side::Back }
 }

@@ -6,7 +6,7 @@
 //! Geometric Predicates*, 1997). The crossing lies between the margins if d has opposite signs at
 //! A + m (B - A) and B - m (B - A): evaluated in `f64`, whose rounding is far below the band.
 //!
-//! Discs and spheres are judged in `judge_round`, with the same bands.
+//! What is no polygon is judged in `judge_round`, with the same bands.
 //!
 //! **The band.** A tracer that works in `f32` cannot be held to a decision that hangs on a few units in the
 //! last place (`f32`) of the largest coordinate involved: less than [`END_ULPS`] for the distance of either
@@ -153,7 +153,7 @@ pub fn judge_closest(geometry: &Geometry, ray: &Ray) -> Closest {
             Crossing::Crosses { t, earliest } => {
                 // Oblique surfaces blur the order of hits: the band is across the plane, not along the ray.
                 let blur = match surface.round() {
-                    Some(round) => judge_round::blur(&round, ray.origin, end, t, band),
+                    Some(round) => judge_round::blur(round, ray.origin, end, t, band),
                     None => band / surface.normal_at(ray.origin).dot(direction).abs(),
                 };
                 certain.push((id, earliest - blur, t + blur));
@@ -183,7 +183,7 @@ pub fn crossing(surface: &Surface, from: DVec3, to: DVec3, t_min: f64, t_max: f6
         return Crossing::Misses;
     }
     if let Some(round) = surface.round() {
-        return judge_round::crossing(&round, from, to, [t_min, t_max], largest);
+        return judge_round::crossing(round, from, to, [t_min, t_max], largest);
     }
     let (triangles, count) = surface.triangles();
     let first = cross_triangle(&triangles[0], from, to, [t_min, t_max], largest);
@@ -401,9 +401,9 @@ mod tests {
 
     #[test]
     fn both_of_two_coincident_surfaces_may_be_the_closest() {
-        let one = square().surfaces[0].shape;
+        let one = square().surfaces[0].shape.clone();
         let geometry = Geometry::new(
-            vec![(one, false, 0, ObjectId(0)), (one, false, 1, ObjectId(0))],
+            vec![(one.clone(), false, 0, ObjectId(0)), (one, false, 1, ObjectId(0))],
             vec!["twins".into()],
         );
         let ray = Ray { origin: DVec3::Z, direction: -DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };

@@ -6,6 +6,7 @@
 //! lines in space times the sine of their angle, as for edges).
 
 use super::judge::{Crossing, EDGE_ULPS, END_ULPS, ulps};
+use super::judge_cone;
 use crate::geometry::{Disc, Ray, Round, Sphere};
 use glam::DVec3;
 
@@ -15,6 +16,7 @@ pub(super) fn crossing(round: &Round, from: DVec3, to: DVec3, limits: [f64; 2], 
     match round {
         Round::Disc(disc) => disc_crossing(disc, from, to, limits, bands),
         Round::Sphere(sphere) => sphere_crossing(sphere, from, to, limits, bands),
+        Round::Cone(cone) => judge_cone::crossing(cone, from, to, limits, bands),
     }
 }
 
@@ -23,6 +25,7 @@ pub(super) fn blur(round: &Round, from: DVec3, to: DVec3, t: f64, band: f64) -> 
     let ray = Ray { origin: from, direction: to - from, t_min: 0.0, t_max: 1.0 };
     match round {
         Round::Disc(disc) => band / disc.normal.dot(ray.direction).abs(),
+        Round::Cone(cone) => judge_cone::blur(cone, from, to, t, band),
         Round::Sphere(sphere) => {
             let [first, second] = round.crossings(&ray);
             let which = usize::from((second - t).abs() < (first - t).abs());
@@ -127,7 +130,7 @@ mod tests {
     const BLOCKED: Verdict = Verdict::Blocked { surface: SurfaceId(0) };
 
     fn ball(inward: bool) -> Shape {
-        Shape::Sphere(Sphere { centre: DVec3::ZERO, radius: 1.0, inward })
+        Shape::from(Sphere { centre: DVec3::ZERO, radius: 1.0, inward })
     }
 
     #[test]
@@ -164,8 +167,8 @@ mod tests {
 
     #[test]
     fn discs_are_decided_by_their_plane_and_their_rim() {
-        let disc = Shape::Disc(Disc { centre: DVec3::ZERO, normal: DVec3::Z, radius: 1.0 });
-        let verdict = |from, to| verdict(disc, from, to);
+        let disc = Shape::from(Disc { centre: DVec3::ZERO, normal: DVec3::Z, radius: 1.0 });
+        let verdict = |from, to| verdict(disc.clone(), from, to);
         assert_eq!(verdict([0.5, 0.5, 1.0], [0.5, 0.5, -1.0]), BLOCKED);
         assert_eq!(verdict([0.8, 0.8, 1.0], [0.8, 0.8, -1.0]), Verdict::Free, "a corner of its box");
         assert_eq!(verdict([0.5, 0.5, 1.0], [0.5, 0.5, 0.1]), Verdict::Free);

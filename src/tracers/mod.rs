@@ -1,7 +1,7 @@
 //! Ray tracing: one small seam, several implementations.
 //!
-//! All tracers see the same surfaces (vertices on the `f32` lattice, quads as Embree splits them, discs and spheres as
-//! they are)
+//! All tracers see the same surfaces (vertices on the `f32` lattice, quads as Embree splits them, the others as they
+//! are)
 //! and must agree but for rays that graze within rounding: [`judge`] says which those are.
 
 pub mod brute_force;
@@ -11,6 +11,7 @@ mod cull;
 pub mod edges;
 pub mod embree;
 pub mod judge;
+mod judge_cone;
 mod judge_round;
 pub mod voxel;
 

@@ -67,7 +67,7 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
 fn light<'a>(settings: &'a Settings, shapes: &[Shape], max_area: f64, rho: f64) -> Result<Lit<'a>> {
     let mut model = Model::default();
     let wall = model.diffuse(rho, 1.0);
-    shapes.iter().for_each(|shape| model.add(*shape, wall, max_area));
+    shapes.iter().for_each(|shape| model.add(shape.clone(), wall, max_area));
     model.light(settings)
 }
 

@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use super::shapes::{sphere, walls};
-use super::{Case, Tolerance};
+use super::{Case, Tolerance, hollow};
 use crate::error::Result;
 use crate::first_pass::Kernel;
 use crate::geometry::{Disc, Shape};
@@ -49,6 +49,7 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
     let found = factor(&settings, &[disc(1.0, false)], &[disc(0.0, true)], 2e-3)?;
     compare("coaxial unit discs, distance 1".into(), found, (3.0 - 5.0_f64.sqrt()) / 2.0);
     cases.extend(spheres(&settings)?);
+    cases.extend(hollow::run(&settings)?);
 
     let mut growths = Vec::new();
     for (n, growth) in [(1, 1.591_549), (2, 1.272_989), (4, 1.143_124), (8, 1.075_485), (16, 1.038_990)] {
@@ -100,8 +101,8 @@ pub fn run(tracer: TracerChoice) -> Result<Vec<Case>> {
 fn factor(settings: &Settings, emitter: &[Shape], receiver: &[Shape], max_area: f64) -> Result<f64> {
     let mut model = Model::default();
     let (lamp, grey) = (model.diffuse(0.0, 1.0), model.diffuse(0.5, 0.0));
-    emitter.iter().for_each(|shape| model.add(*shape, lamp, f64::MAX));
-    receiver.iter().for_each(|shape| model.add(*shape, grey, max_area));
+    emitter.iter().for_each(|shape| model.add(shape.clone(), lamp, f64::MAX));
+    receiver.iter().for_each(|shape| model.add(shape.clone(), grey, max_area));
     let lit = model.light(settings)?;
     let receiving = (0..receiver.len()).flat_map(|s| lit.on(emitter.len() + s));
     Ok(lit.mean(receiving, |i| lit.illuminance(i)) / PI)
@@ -137,7 +138,7 @@ fn wall(height: f64) -> Shape {
 /// The unit disc at this height, looking up or down.
 fn disc(z: f64, up: bool) -> Shape {
     let normal = if up { DVec3::Z } else { DVec3::NEG_Z };
-    Shape::Disc(Disc { centre: z * DVec3::Z, normal, radius: 1.0 })
+    Shape::from(Disc { centre: z * DVec3::Z, normal, radius: 1.0 })
 }
 
 /// Factors of a ball seen from a plane element at `degrees` from its normal, and of the inside of a sphere.
@@ -152,7 +153,7 @@ fn spheres(settings: &Settings) -> Result<Vec<Case>> {
         let (lamp, grey) = (model.diffuse(0.0, 1.0), model.diffuse(0.5, 0.0));
         // From close by only a cap is seen: its elements must be small enough to be in it.
         model.add(ball, lamp, if distance < 2.0 { 0.01 } else { f64::MAX });
-        model.add(patch, grey, 1.0);
+        model.add(patch.clone(), grey, 1.0);
         let lit = model.light(settings)?;
         let found = lit.mean(lit.on(1), |i| lit.illuminance(i)) / PI;
         let name = format!("plane element to a unit sphere {distance} away at {degrees} degrees");

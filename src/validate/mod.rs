@@ -11,6 +11,7 @@ mod enclosures;
 mod expected;
 mod form_factors;
 mod fresnel;
+mod hollow;
 mod meyer;
 mod model;
 mod photometry;

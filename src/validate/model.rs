@@ -96,7 +96,7 @@ impl Model {
         // Glass has points on both sides.
         let glass = |m: MaterialId| matches!(self.materials[m.0 as usize].body, Body::Pane { .. });
         let shapes = self.shapes.iter().zip(&self.worn).enumerate();
-        let shapes = shapes.map(|(i, (s, m))| (*s, glass(*m), i as u32, ObjectId(0)));
+        let shapes = shapes.map(|(i, (s, m))| (s.clone(), glass(*m), i as u32, ObjectId(0)));
         let mut geometry = Geometry::new(shapes.collect(), vec!["validation".into()]);
         geometry.max_area = self.max_area.iter().map(|&a| Some(a)).collect();
         let mut lights = Vec::new();

@@ -85,7 +85,7 @@ impl Blocker {
                 planes: [(DVec3::ZERO, 0.0); 5],
                 vertices: [round.centre(); 4],
                 bounds: round.bounds(),
-                round: Some(round),
+                round: Some(round.clone()),
                 bands: *bands,
             };
         }

@@ -1,10 +1,10 @@
-//! Pairs of points of which one, or both, lie on a sphere: such points have no common plane, so they face one by
+//! Pairs of points of which one, or both, lie on a curved surface: such points have no common plane, so they face one by
 //! one, and what may stand between them is known by boxes alone.
 
 use super::cull::meets_shaft;
 use super::patch::Patch;
 use super::tile::PairWork;
-use crate::geometry::{Aabb, Round};
+use crate::geometry::Aabb;
 use crate::points::facing::SidePlane;
 
 impl PairWork<'_> {
@@ -22,10 +22,10 @@ impl PairWork<'_> {
                     |i: usize| blocker.round().is_some_and(|r| r.encloses(points.position[i].as_dvec3()));
                 of.points.clone().all(encloses)
             };
-            // A planar surface, and a sphere seen from without, hides nothing from points of its own that face it; nor
-            // does a sphere hide what is in its ball from anything else in it.
+            // A planar surface, and a convex one seen from without, hides nothing from points of its own that face it; nor
+            // does it hide what is in the body it bounds from anything else in it.
             let harmless = match blocker.round() {
-                Some(round @ Round::Sphere(_)) => {
+                Some(round) if !round.is_planar() => {
                     let looks_out =
                         |of: &Patch| of.surface.0 == c && round.looks_out(points.side[of.points.start]);
                     looks_out(a) || looks_out(b) || within(a) && within(b)

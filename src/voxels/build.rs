@@ -102,7 +102,7 @@ impl Frame {
         let (triangles, count) = geometry.surfaces[surface as usize].triangles();
         let half = 0.5 * voxel.size() + self.pad;
         if let Some(round) = geometry.surfaces[surface as usize].round() {
-            return round_meets_box(&round, voxel.centre(), half);
+            return round_meets_box(round, voxel.centre(), half);
         }
         triangles[..count].iter().any(|t| triangle_meets_box(t, voxel.centre(), half))
     }

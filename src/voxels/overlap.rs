@@ -1,4 +1,4 @@
-//! Whether a triangle meets a box, by separating axes, or a disc or a sphere does.
+//! Whether a triangle meets a box, by separating axes, or a surface that is no polygon does.
 
 use crate::geometry::Round;
 use glam::DVec3;
@@ -21,8 +21,8 @@ pub(super) fn triangle_meets_box(triangle: &[DVec3; 3], centre: DVec3, half: DVe
         && !edges.iter().any(|e| DVec3::AXES.into_iter().any(|axis| apart(axis.cross(*e))))
 }
 
-/// Whether `round` may meet the box: never false where it does. For a sphere the answer is exact; a box near the rim
-/// of a disc may be taken to meet it.
+/// Whether `round` may meet the box: never false where it does. For a sphere the answer is exact; other
+/// boxes near it may be taken to meet it.
 pub(super) fn round_meets_box(round: &Round, centre: DVec3, half: DVec3) -> bool {
     let offset = (round.centre() - centre).abs();
     let nearest = (offset - half).max(DVec3::ZERO).length();
@@ -31,6 +31,17 @@ pub(super) fn round_meets_box(round: &Round, centre: DVec3, half: DVec3) -> bool
             let furthest = (offset + half).length();
             // The box is padded by far more than these sums are rounded by.
             nearest <= sphere.radius && furthest >= sphere.radius
+        }
+        Round::Cone(cone) => {
+            // The distance from the endless cone changes by no more than the way to a corner.
+            let axis = cone.axis();
+            let bounds = round.bounds();
+            let (up, reach) = (cone.profile(centre).up, axis.abs().dot(half));
+            cone.outside(centre).abs() <= half.length()
+                && up - reach <= cone.height()
+                && up + reach >= 0.0
+                && bounds.min.cmple(centre + half).all()
+                && bounds.max.cmpge(centre - half).all()
         }
         Round::Disc(disc) => {
             let bounds = round.bounds();
@@ -63,12 +74,26 @@ mod tests {
 
     #[test]
     fn round_surfaces_meet_the_boxes_that_hold_their_points() {
-        use crate::geometry::{Disc, Sphere};
+        use crate::geometry::{Cone, Disc, Sphere};
         let centre = DVec3::new(0.2, -0.1, 0.4);
         let normal = DVec3::new(0.3, 1.0, -0.5).normalize();
         let rounds = [
             Round::Sphere(Sphere { centre, radius: 1.3, inward: false }),
             Round::Disc(Disc { centre, normal, radius: 1.3 }),
+            Round::Cone(Cone {
+                base: centre - normal,
+                top: centre + normal,
+                radius: 0.9,
+                top_radius: 0.2,
+                inward: false,
+            }),
+            Round::Cone(Cone {
+                base: centre - normal,
+                top: centre + normal,
+                radius: 0.7,
+                top_radius: 0.7,
+                inward: true,
+            }),
         ];
         let half = DVec3::splat(0.1);
         for round in rounds {

@@ -10,9 +10,9 @@ mod report;
 pub use probes::ProbeClass;
 pub use report::{ClassCounts, CrosscheckReport, Disagreement, MAX_LISTED, Question};
 
-use super::judge::{Verdict, judge, judge_closest};
+use super::judge::{Crossing, Verdict, crossing, judge, judge_closest};
 use super::{RayTracer, Segment};
-use crate::geometry::{Hit, Ray};
+use crate::geometry::{Hit, Ray, Surface};
 use crate::observer::Observer;
 use crate::scene::Geometry;
 use probes::Probe;
@@ -100,12 +100,24 @@ fn check_blocked(geometry: &Geometry, tally: &mut Tally, probe: &Probe, answers:
     });
 }
 
+/// Whether a ray grazes the surface that all meet before the furthest of the places where they do.
+fn grazes_before(surface: &Surface, ray: &Ray, answers: &[Option<Hit>]) -> bool {
+    let t = || answers.iter().flatten().map(|hit| hit.t);
+    let (nearest, furthest) = (t().fold(f64::INFINITY, f64::min), t().fold(f64::NEG_INFINITY, f64::max));
+    let between = ray.at(0.5 * (nearest + furthest));
+    furthest > nearest && matches!(crossing(surface, ray.origin, between, 0.0, 1.0), Crossing::Grazes { .. })
+}
+
 fn check_closest(geometry: &Geometry, tally: &mut Tally, probe: &Probe, ray: &Ray, answers: &[Option<Hit>]) {
     let surfaces: Vec<_> = answers.iter().map(|a| a.map(|h| h.surface)).collect();
     let agree = surfaces.iter().all(|&s| s == surfaces[0]);
     if let (true, Some(hit)) = (agree, answers[0]) {
-        let normal = geometry.surface(hit.surface).normal_at(ray.at(hit.t));
-        tally.measure_t(answers, normal.dot(ray.direction).abs());
+        let surface = geometry.surface(hit.surface);
+        let normal = surface.normal_at(ray.at(hit.t));
+        // What grazes a curved surface may meet it twice, or once.
+        if surface.is_planar() || !grazes_before(surface, ray, answers) {
+            tally.measure_t(answers, normal.dot(ray.direction).abs());
+        }
     }
     if agree && !probe.is_spot_check() {
         return;

@@ -3,7 +3,7 @@
 use crate::geometry::{Ray, Round, Shape, Surface};
 use crate::scene::Geometry;
 use crate::tracers::Segment;
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
 
 /// Of so many rays the judge is asked about two, a random and a hard one, although the tracers agree: it
@@ -16,11 +16,11 @@ const SPOT_CHECK: u64 = 64;
 pub enum ProbeClass {
     /// Between random points of two random surfaces.
     Random,
-    /// Through a corner; of a disc or a sphere through a pole of its parameters.
+    /// Through a corner; of what is no polygon through a corner of its parameters.
     Vertex,
-    /// Through a point of an edge or a rim; of a sphere along a tangent.
+    /// Through a point of an edge or a rim, or along a tangent.
     Edge,
-    /// Within the plane of a surface, or a tangent plane of a sphere.
+    /// Within the plane of a surface, or a plane that touches it.
     InPlane,
     /// Within an axis-aligned plane through a corner, where boxes of hierarchies and voxels end.
     BoxPlane,
@@ -166,10 +166,10 @@ impl Random {
         let surface = self.surface(geometry);
         let vertices = surface.vertices();
         match surface.round() {
-            Some(Round::Disc(_)) => {
-                let side = self.unit();
-                return [(side, 0.0), (1.0, side), (side, 1.0), (0.0, side)]
-                    .map(|(u, v)| surface.point_at(u, v))[self.below(4)];
+            Some(Round::Disc(_)) => return self.point_on_border(surface),
+            Some(round @ Round::Cone(_)) => {
+                let touching = if self.below(2) == 0 { None } else { self.touching_point(round, a) };
+                return touching.unwrap_or_else(|| self.point_on_border(surface));
             }
             Some(Round::Sphere(sphere)) => {
                 // The circle in which the tangents from `a` touch; from within, any point.
@@ -184,6 +184,27 @@ impl Random {
         }
         let k = self.below(vertices.len());
         vertices[k].lerp(vertices[(k + 1) % vertices.len()], self.unit())
+    }
+
+    /// A point of a curved surface where a line from `a` touches it, if it is soon found: between two points of which
+    /// one faces `a` and one does not.
+    fn touching_point(&mut self, round: &Round, a: DVec3) -> Option<DVec3> {
+        let at = |uv: DVec2| round.point_at(uv.x, uv.y);
+        let faces = |uv: DVec2| round.normal_at(at(uv)).dot(a - at(uv)) > 0.0;
+        let mut any = || DVec2::new(self.unit(), self.unit());
+        let (mut p, mut q) = (0..8).map(|_| (any(), any())).find(|&(p, q)| faces(p) && !faces(q))?;
+        for _ in 0..50 {
+            let middle = 0.5 * (p + q);
+            *if faces(middle) { &mut p } else { &mut q } = middle;
+        }
+        Some(at(p))
+    }
+
+    /// A point of the edge of the square of (u, v).
+    fn point_on_border(&mut self, surface: &Surface) -> DVec3 {
+        let side = self.unit();
+        [(side, 0.0), (1.0, side), (side, 1.0), (0.0, side)].map(|(u, v)| surface.point_at(u, v))
+            [self.below(4)]
     }
 
     /// A point in the plane of the surface, or in the plane that touches it at its point `a`.

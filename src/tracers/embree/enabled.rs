@@ -3,9 +3,9 @@
 use super::face::Face;
 use super::packet::{EMPTY_PACKET, Filling};
 use super::query::{Frame, Pack, Span, single};
-use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, lux_hit, lux_ray, lux_round};
+use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, Rounds, lux_hit, lux_ray, lux_round};
 use crate::error::{Error, Result};
-use crate::geometry::{Hit, Ray, Round, Surface, SurfaceId};
+use crate::geometry::{Hit, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
 use crate::tracers::brute_force::{self, BruteForce};
@@ -28,8 +28,8 @@ pub fn available() -> Option<String> {
     raw::version().map(|v| format!("{}.{}.{}", v / 10000, v / 100 % 100, v % 100))
 }
 
-/// Embree over one scene's surfaces: a single mesh of quads, robust mode, and discs and spheres as they are, met in
-/// double precision.
+/// Embree over one scene's surfaces: a single mesh of quads, robust mode, and what is no polygon as it is, met by
+/// [`Round::intersect`](crate::geometry::Round::intersect).
 ///
 /// Surfaces are found in `f32`. The limits of a ray are then decided, and its hit parameter computed,
 /// in `f64` on the plane of the surface met: a ray that starts on a surface with `t_min` 0 meets that
@@ -74,7 +74,8 @@ impl EmbreeTracer {
         let scale = unit_scale(radius);
         let mut vertices = Vec::with_capacity(vertex_count as usize);
         let mut quads = Vec::with_capacity(geometry.surfaces.len());
-        let (mut ids, mut rounds) = (Vec::with_capacity(geometry.surfaces.len()), Vec::new());
+        let mut ids = Vec::with_capacity(geometry.surfaces.len());
+        let (mut rounds, mut shapes) = (Vec::new(), Vec::new());
         for (i, surface) in geometry.surfaces.iter().enumerate() {
             if let Some(round) = surface.round() {
                 let bounds = round.bounds();
@@ -82,7 +83,13 @@ impl EmbreeTracer {
                 if reach.is_nan() || reach > f64::from(LARGEST) {
                     return Err(Error::Tracer(format!("surface {i} is no place: {round:?}")));
                 }
-                rounds.push(in_unit_scene(&round, i as u32, f64::from(scale)));
+                let in_unit_scene = |corner: DVec3| (f64::from(scale) * corner).to_array();
+                rounds.push(lux_round {
+                    low: in_unit_scene(bounds.min),
+                    high: in_unit_scene(bounds.max),
+                    surface: i as u32,
+                });
+                shapes.push(round.clone());
                 continue;
             }
             let first = vertices.len() as u32;
@@ -97,7 +104,8 @@ impl EmbreeTracer {
             quads.push([first, first + 1, first + 2, last]);
             ids.push(i as u32);
         }
-        let scene = raw::Scene::new(&vertices, &quads, &ids, &rounds, confirm).map_err(Error::Tracer)?;
+        let rounds = (rounds.as_slice(), Rounds { shapes, scale: f64::from(scale) });
+        let scene = raw::Scene::new(&vertices, &quads, &ids, rounds, confirm).map_err(Error::Tracer)?;
         let version = available().unwrap_or_default();
         Ok(EmbreeTracer {
             scene,
@@ -305,22 +313,7 @@ fn segment_ray(segment: &Segment, scale: f32) -> lux_ray {
     }
 }
 
-/// A disc or sphere as Embree's scene has it.
-fn in_unit_scene(round: &Round, surface: u32, scale: f64) -> lux_round {
-    let (disc, axis) = match round {
-        Round::Disc(disc) => (1, disc.normal),
-        Round::Sphere(_) => (0, DVec3::ZERO),
-    };
-    lux_round {
-        centre: (scale * round.centre()).to_array(),
-        radius: scale * round.radius(),
-        axis: axis.to_array(),
-        disc,
-        surface,
-    }
-}
-
-/// No corner, and no point of a disc or sphere, lies further from the local origin, m.
+/// No corner, and no point of what is no polygon, lies further from the local origin, m.
 fn corner_radius(surfaces: &[Surface]) -> f64 {
     let reach = |s: &Surface| match s.round() {
         Some(round) => round.centre().length() + round.radius(),

@@ -2,7 +2,7 @@
 
 use super::query::{Frame, LIMIT_ULPS, Span, length_bound};
 use super::raw::lux_hit;
-use crate::geometry::{Aabb, Hit, Ray, Round, Side, Surface, SurfaceId};
+use crate::geometry::{Aabb, Hit, Ray, Side, Surface, SurfaceId};
 use crate::tracers::brute_force::side_met;
 use glam::DVec3;
 
@@ -14,7 +14,8 @@ pub struct Face {
     normal: DVec3,
     /// The box around it, and a little more, m.
     bounds: Aabb,
-    round: Option<(Round, Surface)>,
+    /// What is no polygon.
+    round: Option<Surface>,
 }
 
 impl Face {
@@ -28,7 +29,7 @@ impl Face {
             planes: triangles.map(plane),
             normal: surface.plane().map_or(DVec3::ZERO, |plane| plane.normal),
             bounds: Aabb { min: min - slack, max: max + slack },
-            round: surface.round().map(|round| (round, *surface)),
+            round: surface.round().map(|_| surface.clone()),
         }
     }
 
@@ -37,7 +38,7 @@ impl Face {
     #[inline(always)]
     pub fn confirm(&self, ray: &Ray, span: &Span, found: lux_hit, frame: &Frame) -> Option<f64> {
         let rough = span.parameter(found.t, frame);
-        let exact = self.parameter(ray, found.half);
+        let exact = self.parameter(ray, found.half, rough, 1e-3 * frame.radius * span.shrink);
         let t = if (exact - rough).abs() <= 1e-3 * frame.radius * span.shrink { exact } else { rough };
         let at = ray.at(t);
         let slack = 8.0 * f64::EPSILON * length_bound(ray.origin);
@@ -46,12 +47,15 @@ impl Face {
         ((t > ray.t_min) & near.all()).then_some(t)
     }
 
-    /// Where `ray` crosses the plane of the triangle met, or the disc or sphere, by the same formula as the brute
-    /// force tracer; not finite if it runs along it.
+    /// Where `ray` crosses the plane of the triangle met, or what is no polygon within `reach` of `rough`, by the same
+    /// formula as the brute force tracer; not finite if it runs along it.
     #[inline(always)]
-    fn parameter(&self, ray: &Ray, half: u32) -> f64 {
+    fn parameter(&self, ray: &Ray, half: u32, rough: f64, reach: f64) -> f64 {
         match &self.round {
-            Some((round, _)) => round.crossings(ray)[half.min(1) as usize],
+            Some(surface) => {
+                let limits = Ray { t_min: ray.t_min.max(rough - reach), t_max: rough + reach, ..*ray };
+                surface.round().and_then(|round| round.intersect(&limits)).unwrap_or(f64::NAN)
+            }
             None => {
                 let [a, normal] = self.planes[usize::from(half == 1)];
                 normal.dot(a - ray.origin) / normal.dot(ray.direction)
@@ -63,7 +67,7 @@ impl Face {
     #[inline(always)]
     pub fn hit(&self, ray: &Ray, t: f64, id: u32) -> Option<Hit> {
         let side = match &self.round {
-            Some((_, surface)) => side_met(surface, ray, t),
+            Some(surface) => side_met(surface, ray, t),
             None if self.normal.dot(ray.direction) <= 0.0 => Side::Front,
             None => Side::Back,
         };

@@ -1,6 +1,8 @@
 //! Safe calls over `ffi/embree.h`: an owning scene handle and batches as slices.
 
-use std::ffi::{CStr, c_char};
+use crate::geometry::{Ray, Round};
+use glam::DVec3;
+use std::ffi::{CStr, c_char, c_void};
 use std::ptr::NonNull;
 
 #[allow(dead_code, missing_docs, non_camel_case_types, non_upper_case_globals)]
@@ -38,6 +40,38 @@ pub fn version() -> Option<u32> {
 /// A committed Embree scene.
 pub struct Scene {
     handle: NonNull<ffi::lux_scene>,
+    /// What the C side calls [`meet`] with, for as long as it lives: boxed, so that it stays where it is.
+    _rounds: Box<Rounds>,
+}
+
+/// The surfaces that are no quads, in the order of their numbers.
+pub struct Rounds {
+    /// At their own size.
+    pub shapes: Vec<Round>,
+    /// Lengths in Embree's scene over lengths in ours: a power of two.
+    pub scale: f64,
+}
+
+/// The header's `lux_meet`.
+extern "C" fn meet(rounds: *const c_void, index: u64, ray: *const lux_ray, t: *mut f32) -> u32 {
+    // SAFETY: `Scene::new` alone hands this function to the C side, together with a pointer to the `Rounds` that the
+    // scene owns and nothing changes; the C side calls it while the scene lives, with the address of a ray and of a
+    // float of its own.
+    let (rounds, ray, t) = unsafe { (&*rounds.cast::<Rounds>(), &*ray, &mut *t) };
+    let place = |v: [f32; 3]| DVec3::from_array(v.map(f64::from)) / rounds.scale;
+    let ray = Ray {
+        origin: place(ray.origin),
+        direction: place(ray.direction),
+        t_min: f64::from(ray.t_min),
+        t_max: f64::from(ray.t_max),
+    };
+    match rounds.shapes.get(index as usize).and_then(|round| round.intersect(&ray)) {
+        Some(met) => {
+            *t = met as f32;
+            1
+        }
+        None => 0,
+    }
 }
 
 // SAFETY: the handle owns its device and scene alone, and Embree ties neither to the thread that made it.
@@ -47,20 +81,22 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Scene {
-    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`; with `confirm` one
+    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`, boxes and shapes; with `confirm` one
     /// that confirms in `f64` that a quad blocks a ray. The error is Embree's message.
     pub fn new(
         vertices: &[[f32; 3]],
         quads: &[[u32; 4]],
         ids: &[u32],
-        rounds: &[lux_round],
+        (rounds, shapes): (&[lux_round], Rounds),
         confirm: bool,
     ) -> Result<Self, String> {
         assert_eq!(quads.len(), ids.len());
+        assert_eq!(rounds.len(), shapes.shapes.len());
+        let shapes = Box::new(shapes);
         debug_assert!(quads.iter().flatten().all(|&i| (i as usize) < vertices.len()));
         let mut message = [0 as c_char; ffi::LUX_MESSAGE_BYTES as usize];
         // SAFETY: all arrays are valid for the counts given and are only read during the call; `message` has the
-        // length the header asks for.
+        // length the header asks for; `shapes` is kept by the scene, which frees the C side before it.
         let handle = unsafe {
             ffi::lux_scene_new(
                 vertices.as_ptr().cast(),
@@ -70,11 +106,13 @@ impl Scene {
                 quads.len() as u64,
                 rounds.as_ptr(),
                 rounds.len() as u64,
+                Some(meet),
+                std::ptr::from_ref(&*shapes).cast(),
                 confirm.into(),
                 message.as_mut_ptr(),
             )
         };
-        NonNull::new(handle).map(|handle| Scene { handle }).ok_or_else(|| {
+        NonNull::new(handle).map(|handle| Scene { handle, _rounds: shapes }).ok_or_else(|| {
             // SAFETY: the header promises a terminated string in `message`, which outlives this borrow.
             unsafe { CStr::from_ptr(message.as_ptr()) }.to_string_lossy().into_owned()
         })

@@ -1,147 +1,47 @@
-//! Surfaces that are no polygons: discs and spheres, never taken apart into facets.
+//! Surfaces that are no polygons: discs, spheres, the sides of cylinders and cones; never taken apart into facets.
 //!
 //! Their parameters (u, v) fill the unit square and keep areas, so that all cells of a level of the quadtree
-//! are equally large: a disc by the concentric map (P. Shirley and K. Chiu, *A Low Distortion Map Between Disk
-//! and Square*, 1997), a sphere by the octahedral map (P. Clarberg, *Fast Equal-Area Mapping of the
-//! (Hemi)Sphere Using SIMD*, 2008), whose square folds onto itself along its border. Counter-clockwise in
-//! (u, v) is counter-clockwise as seen from the front.
+//! are equally large. Counter-clockwise in (u, v) is counter-clockwise as seen from the front.
+
+mod cone;
+mod disc;
+mod sphere;
+
+pub use cone::Cone;
+pub(crate) use cone::Profile;
+pub use disc::Disc;
+pub use sphere::Sphere;
 
 use super::{Aabb, Ray, Side};
-use glam::{DVec2, DVec3};
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
-
-/// A flat disc.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Disc {
-    /// Middle, m.
-    pub centre: DVec3,
-    /// Unit normal.
-    pub normal: DVec3,
-    /// Radius, m.
-    pub radius: f64,
-}
-
-/// A whole sphere.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sphere {
-    /// Middle, m.
-    pub centre: DVec3,
-    /// Radius, m.
-    pub radius: f64,
-    /// Whether the front is the inside.
-    pub inward: bool,
-}
+use glam::{DMat3, DVec2, DVec3};
+use std::f64::consts::PI;
 
 /// A surface that is no polygon.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Round {
     /// A disc.
     Disc(Disc),
     /// A sphere.
     Sphere(Sphere),
+    /// The side of a cylinder or a cone.
+    Cone(Cone),
 }
 
-/// A disc's place may stray from its plane by so much, as a share of the largest coordinate: rounding of a ray that
-/// runs along the plane makes more, and proves nothing.
-const IN_PLANE: f64 = 1e-7;
-
-impl Disc {
-    /// Two unit directions that make a right-handed frame with the normal.
-    pub fn axes(&self) -> (DVec3, DVec3) {
-        let x = self.normal.any_orthonormal_vector();
-        (x, self.normal.cross(x))
-    }
-
-    fn point_at(&self, u: f64, v: f64) -> DVec3 {
-        let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
-        let (r, angle) = if a.abs() > b.abs() {
-            (a, FRAC_PI_4 * b / a)
-        } else if b != 0.0 {
-            (b, FRAC_PI_2 - FRAC_PI_4 * a / b)
-        } else {
-            (0.0, 0.0)
-        };
-        let (x, y) = self.axes();
-        let (sin, cos) = angle.sin_cos();
-        self.centre + self.radius * r * (cos * x + sin * y)
-    }
-
-    fn uv_of(&self, p: DVec3) -> DVec2 {
-        let (x, y) = self.axes();
-        let d = (p - self.centre) / self.radius;
-        let (x, y) = (x.dot(d), y.dot(d));
-        let r = x.hypot(y).min(1.0);
-        let at = if r == 0.0 || !r.is_finite() {
-            DVec2::ZERO
-        } else if x.abs() > y.abs() {
-            let a = r.copysign(x);
-            DVec2::new(a, a * (y / x).atan() / FRAC_PI_4)
-        } else {
-            let b = r.copysign(y);
-            DVec2::new(b * (x / y).atan() / FRAC_PI_4, b)
-        };
-        unit_square(at)
-    }
-
-    fn bounds(&self) -> Aabb {
-        let reach = (DVec3::ONE - self.normal * self.normal).max(DVec3::ZERO).map(f64::sqrt) * self.radius;
-        Aabb { min: self.centre - reach, max: self.centre + reach }
-    }
-
-    fn crossings(&self, ray: &Ray) -> [f64; 2] {
-        let t = self.normal.dot(self.centre - ray.origin) / self.normal.dot(ray.direction);
-        let d = ray.at(t) - self.centre;
-        let scale = ray.origin.abs().max(self.centre.abs()).max_element() + self.radius;
-        let inside = d.length_squared() <= self.radius * self.radius;
-        let flat = self.normal.dot(d).abs() <= IN_PLANE * scale;
-        [if inside && flat { t } else { f64::NAN }, f64::NAN]
+impl From<Disc> for Round {
+    fn from(disc: Disc) -> Round {
+        Round::Disc(disc)
     }
 }
 
-impl Sphere {
-    fn point_at(&self, u: f64, v: f64) -> DVec3 {
-        let (a, b) = (self.turn() * (2.0 * u - 1.0), 2.0 * v - 1.0);
-        let d = 1.0 - a.abs() - b.abs();
-        let r = 1.0 - d.abs();
-        let angle = if r > 0.0 { FRAC_PI_4 * ((b.abs() - a.abs()) / r + 1.0) } else { 0.0 };
-        let flat = r * (2.0 - r * r).max(0.0).sqrt();
-        let (sin, cos) = angle.sin_cos();
-        let z = (1.0 - r * r).copysign(d);
-        let direction = DVec3::new((flat * cos).copysign(a), (flat * sin).copysign(b), z);
-        self.centre + self.radius * direction
+impl From<Sphere> for Round {
+    fn from(sphere: Sphere) -> Round {
+        Round::Sphere(sphere)
     }
+}
 
-    fn uv_of(&self, p: DVec3) -> DVec2 {
-        let d = (p - self.centre).normalize_or(DVec3::Z);
-        let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
-        // sqrt(1 - z) that keeps its digits near the poles.
-        let r = ((x * x + y * y) / (1.0 + z)).sqrt();
-        let b = r * y.atan2(x) / FRAC_PI_2;
-        let a = r - b;
-        let (a, b) = if d.z < 0.0 { (1.0 - b, 1.0 - a) } else { (a, b) };
-        unit_square(DVec2::new(self.turn() * a.copysign(d.x), b.copysign(d.y)))
-    }
-
-    /// Seen from within, left and right change places.
-    fn turn(&self) -> f64 {
-        if self.inward { -1.0 } else { 1.0 }
-    }
-
-    /// Both roots, by a form that neither loses the digits of a small discriminant nor of a near root (E. Haines,
-    /// J. Günther and T. Akenine-Möller, *Precision Improvements for Ray/Sphere Intersection*, Ray Tracing Gems, 2019).
-    fn crossings(&self, ray: &Ray) -> [f64; 2] {
-        let (from, d) = (ray.origin - self.centre, ray.direction);
-        let (a, b) = (d.length_squared(), -from.dot(d));
-        let nearest = from + (b / a) * d;
-        let below = self.radius * self.radius - nearest.length_squared();
-        if below.is_nan() || below < 0.0 {
-            return [f64::NAN; 2];
-        }
-        let distance = from.length();
-        let c = (distance - self.radius) * (distance + self.radius);
-        let q = b + (a * below).sqrt().copysign(b);
-        let (s, t) = (c / q, q / a);
-        if s < t { [s, t] } else { [t, s] }
+impl From<Cone> for Round {
+    fn from(cone: Cone) -> Round {
+        Round::Cone(cone)
     }
 }
 
@@ -152,13 +52,19 @@ fn unit_square(at: DVec2) -> DVec2 {
 
 impl Round {
     /// The fewest divisions: fewer make no elements worth the name.
-    pub const LEAST_LEVEL: u8 = 2;
+    pub fn least_level(&self) -> u8 {
+        match self {
+            Round::Disc(_) | Round::Sphere(_) => 2,
+            Round::Cone(_) => 3,
+        }
+    }
 
     /// The point at `(u, v)`, m.
     pub fn point_at(&self, u: f64, v: f64) -> DVec3 {
         match self {
             Round::Disc(disc) => disc.point_at(u, v),
             Round::Sphere(sphere) => sphere.point_at(u, v),
+            Round::Cone(cone) => cone.point_at(u, v),
         }
     }
 
@@ -167,6 +73,7 @@ impl Round {
         match self {
             Round::Disc(disc) => disc.uv_of(p),
             Round::Sphere(sphere) => sphere.uv_of(p),
+            Round::Cone(cone) => cone.uv_of(p),
         }
     }
 
@@ -175,14 +82,16 @@ impl Round {
         match self {
             Round::Disc(disc) => disc.normal,
             Round::Sphere(sphere) => sphere.turn() * (p - sphere.centre).normalize_or(DVec3::Z),
+            Round::Cone(cone) => cone.turn() * cone.outwards(p),
         }
     }
 
-    /// Signed distance of `p` from the plane or the sphere, positive in front, m.
+    /// Signed distance of `p` from the plane, the sphere, or the endless cone or cylinder, positive in front, m.
     pub fn distance(&self, p: DVec3) -> f64 {
         match self {
             Round::Disc(disc) => disc.normal.dot(p - disc.centre),
             Round::Sphere(sphere) => sphere.turn() * (p.distance(sphere.centre) - sphere.radius),
+            Round::Cone(cone) => cone.turn() * cone.outside(p),
         }
     }
 
@@ -191,22 +100,47 @@ impl Round {
         match self {
             Round::Disc(disc) => PI * disc.radius * disc.radius,
             Round::Sphere(sphere) => 4.0 * PI * sphere.radius * sphere.radius,
+            Round::Cone(cone) => cone.area(),
         }
     }
 
-    /// The middle, m.
+    /// Whether it lies in a plane.
+    pub fn is_planar(&self) -> bool {
+        matches!(self, Round::Disc(_))
+    }
+
+    /// The middle of a ball around it, m; of a disc or a sphere its own.
     pub fn centre(&self) -> DVec3 {
         match self {
             Round::Disc(disc) => disc.centre,
             Round::Sphere(sphere) => sphere.centre,
+            Round::Cone(cone) => 0.5 * (cone.base + cone.top),
         }
     }
 
-    /// The radius, m.
+    /// The radius of that ball, m; of a disc or a sphere its own.
     pub fn radius(&self) -> f64 {
         match self {
             Round::Disc(disc) => disc.radius,
             Round::Sphere(sphere) => sphere.radius,
+            Round::Cone(cone) => cone.widest().hypot(0.5 * cone.height()),
+        }
+    }
+
+    /// How large it is where it is smallest, m: the radius, or what it is long.
+    pub fn least_size(&self) -> f64 {
+        match self {
+            Round::Disc(disc) => disc.radius,
+            Round::Sphere(sphere) => sphere.radius,
+            Round::Cone(cone) => cone.widest().min(cone.height()),
+        }
+    }
+
+    /// Mean lengths along u and v, m: cells are about as wide and as high as these, divided.
+    pub fn lengths(&self) -> DVec2 {
+        match self {
+            Round::Disc(_) | Round::Sphere(_) => DVec2::splat(self.area().sqrt()),
+            Round::Cone(cone) => DVec2::new(PI * (cone.radius + cone.top_radius), cone.slant()),
         }
     }
 
@@ -217,6 +151,7 @@ impl Round {
             Round::Sphere(Sphere { centre, radius, .. }) => {
                 Aabb { min: *centre - *radius, max: *centre + *radius }
             }
+            Round::Cone(cone) => cone.bounds(),
         }
     }
 
@@ -226,6 +161,7 @@ impl Round {
         match self {
             Round::Disc(disc) => disc.crossings(ray),
             Round::Sphere(sphere) => sphere.crossings(ray),
+            Round::Cone(cone) => cone.crossings(ray),
         }
     }
 
@@ -235,23 +171,36 @@ impl Round {
         self.crossings(ray).into_iter().find(|&t| t > ray.t_min && t < ray.t_max)
     }
 
-    /// Whether `side` looks out of a sphere.
+    /// Whether `side` is the outside of a convex surface: it hides nothing from points of that side that face it.
     pub fn looks_out(&self, side: Side) -> bool {
-        matches!(self, Round::Sphere(sphere) if sphere.inward == (side == Side::Back))
+        match self {
+            Round::Disc(_) => false,
+            Round::Sphere(Sphere { inward, .. }) | Round::Cone(Cone { inward, .. }) => {
+                *inward == (side == Side::Back)
+            }
+        }
     }
 
-    /// Whether `p` lies in the ball of a sphere, which is convex: the sphere hides nothing in it from anything else in it.
+    /// Whether `p` lies in the convex body that the surface bounds, the ball of a sphere or an endless cone or
+    /// cylinder: the surface hides nothing in it from anything else in it.
     pub fn encloses(&self, p: DVec3) -> bool {
-        matches!(self, Round::Sphere(sphere) if p.distance(sphere.centre) <= sphere.radius)
+        match self {
+            Round::Disc(_) => false,
+            Round::Sphere(sphere) => p.distance(sphere.centre) <= sphere.radius,
+            Round::Cone(cone) => cone.outside(p) <= 0.0,
+        }
     }
 
-    /// Whether all of a box lies in the ball of a sphere.
+    /// Whether all of a box lies in that body.
     pub fn encloses_box(&self, bounds: &Aabb) -> bool {
-        let away = (bounds.min - self.centre()).abs().max((bounds.max - self.centre()).abs());
-        matches!(self, Round::Sphere(sphere) if away.length() <= sphere.radius)
+        !self.is_planar()
+            && (0..8).all(|k| {
+                let at = |axis: usize| if k >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+                self.encloses(DVec3::new(at(0), at(1), at(2)))
+            })
     }
 
-    /// The same surface moved by `local`, its radius as the lattice holds it.
+    /// The same surface moved by `local`, its radii as the lattice holds them.
     pub fn placed(&self, local: impl Fn(DVec3) -> DVec3) -> Round {
         let stored = |radius: f64| f64::from(radius as f32);
         match *self {
@@ -261,17 +210,40 @@ impl Round {
             Round::Sphere(Sphere { centre, radius, inward }) => {
                 Round::Sphere(Sphere { centre: local(centre), radius: stored(radius), inward })
             }
+            Round::Cone(Cone { base, top, radius, top_radius, inward }) => Round::Cone(Cone {
+                base: local(base),
+                top: local(top),
+                radius: stored(radius),
+                top_radius: stored(top_radius),
+                inward,
+            }),
+        }
+    }
+
+    /// The same surface turned by `rotation` about the origin and then moved by `offset`, m.
+    pub fn moved(&self, rotation: DMat3, offset: DVec3) -> Round {
+        let place = |p: DVec3| rotation * p + offset;
+        match *self {
+            Round::Disc(Disc { centre, normal, radius }) => {
+                Round::Disc(Disc { centre: place(centre), normal: (rotation * normal).normalize(), radius })
+            }
+            Round::Sphere(sphere) => Round::Sphere(Sphere { centre: place(sphere.centre), ..sphere }),
+            Round::Cone(cone) => Round::Cone(Cone { base: place(cone.base), top: place(cone.top), ..cone }),
         }
     }
 
     /// All that tells it from others, for a hash.
     pub fn bytes(&self) -> Vec<u8> {
-        let (kind, normal) = match self {
-            Round::Disc(disc) => (0xd0, disc.normal),
-            Round::Sphere(sphere) => (0xe0 + u8::from(sphere.inward), DVec3::ZERO),
+        let (kind, places, radii) = match self {
+            Round::Disc(disc) => (0xd0, vec![disc.centre, disc.normal], vec![disc.radius]),
+            Round::Sphere(sphere) => {
+                (0xe0 + u8::from(sphere.inward), vec![sphere.centre, DVec3::ZERO], vec![sphere.radius])
+            }
+            Round::Cone(cone) => {
+                (0xc0 + u8::from(cone.inward), vec![cone.base, cone.top], vec![cone.radius, cone.top_radius])
+            }
         };
-        let numbers = [self.centre(), normal].into_iter().flat_map(|v| v.to_array());
-        let numbers = numbers.chain([self.radius()]);
+        let numbers = places.into_iter().flat_map(|v| v.to_array()).chain(radii);
         std::iter::once(kind).chain(numbers.flat_map(f64::to_le_bytes)).collect()
     }
 }
@@ -280,14 +252,23 @@ impl Round {
 mod tests {
     use super::*;
 
-    fn shapes() -> [Round; 3] {
+    fn shapes() -> [Round; 7] {
         let centre = DVec3::new(0.3, -1.2, 2.0);
         let normal = DVec3::new(1.0, -2.0, 0.7).normalize();
         [
             Round::Disc(Disc { centre, normal, radius: 1.7 }),
             Round::Sphere(Sphere { centre, radius: 1.7, inward: false }),
             Round::Sphere(Sphere { centre, radius: 1.7, inward: true }),
+            cone(centre, 0.7, 0.7, false),
+            cone(centre, 0.7, 0.2, true),
+            cone(centre, 0.9, 0.0, false),
+            cone(centre, 0.0, 0.5, true),
         ]
+    }
+
+    fn cone(middle: DVec3, radius: f64, top_radius: f64, inward: bool) -> Round {
+        let half = DVec3::new(0.3, -0.4, 0.5);
+        Round::Cone(Cone { base: middle - half, top: middle + half, radius, top_radius, inward })
     }
 
     #[test]
@@ -332,7 +313,7 @@ mod tests {
 
     #[test]
     fn the_border_of_the_octahedral_square_folds() {
-        for round in &shapes()[1..] {
+        for round in &shapes()[1..3] {
             for k in 0..=32 {
                 let s = f64::from(k) / 32.0;
                 for end in [0.0, 1.0] {
