@@ -134,6 +134,8 @@ impl Block {
     /// Of which boxes c + t d with |t| up to the reach meets the one around m with half edges h: no axis of space
     /// parts them, |c - m| <= h + reach |d|, and neither does one across the line and an axis of space,
     /// |(c - m)_u d_v - (c - m)_v d_u| <= h_u |d_v| + h_v |d_u|.
+    // One lane of several columns at a time, which the compiler makes one register of.
+    #[allow(clippy::needless_range_loop)]
     #[inline(always)]
     fn candidates(&self, line: &Line, stretch: &Stretch) -> u64 {
         let ([dx, dy, dz], error) = (line.direction, line.error);
