@@ -93,6 +93,7 @@ fn furnished(max_area: f64) -> Lit {
         materials: vec![diffuse(0.6, 0.0), diffuse(0.3, 20.0)],
         surface_material: (0..geometry.surfaces.len()).map(material).collect(),
         lights: vec![vec![1.0; W]],
+        sky: None,
     };
     Lit { geometry, points, appearance }
 }
@@ -128,6 +129,7 @@ fn the_inside_of_a_sphere_glows_as_a_furnace() {
         materials: vec![diffuse(0.9, 1.0)],
         surface_material: vec![MaterialId(0)],
         lights: Vec::new(),
+        sky: None,
     };
     let lit = Lit { geometry, points, appearance };
     let solution = lit.over(&lit.links(&of(0.02)), &FirstPassSettings::default());

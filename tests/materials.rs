@@ -172,6 +172,7 @@ fn flux_is_shared_by_all_surfaces_and_sides() {
         ],
         surface_material: vec![MaterialId(0), MaterialId(0), MaterialId(1)],
         lights: Vec::new(),
+        sky: None,
     };
     let wavelengths = Wavelengths::meyer4();
     let sampled = appearance.sample(&geometry, &wavelengths, DEFAULT_ENTRIES);

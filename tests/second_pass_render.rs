@@ -126,6 +126,7 @@ impl World {
             materials,
             surface_material: of.iter().map(|m| MaterialId(*m)).collect(),
             lights: Vec::new(),
+            sky: None,
         };
         let solution =
             DiffuseSolution { wavelengths: wavelengths(), parts: None, radiance, stats: Default::default() };

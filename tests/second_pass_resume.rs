@@ -53,6 +53,7 @@ impl World {
                 materials: vec![material(0.0), material(0.9)],
                 surface_material: vec![MaterialId(0), MaterialId(1)],
                 lights: Vec::new(),
+                sky: None,
             },
             solution: DiffuseSolution {
                 wavelengths,

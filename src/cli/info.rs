@@ -37,6 +37,7 @@ struct Contents {
     specular_points: usize,
     cameras: Vec<String>,
     lights: Vec<LightLine>,
+    sky: Option<SkyLine>,
     sensors: usize,
     grids: Vec<String>,
     materials: Vec<MaterialLine>,
@@ -53,6 +54,16 @@ struct MaterialLine {
     emits: bool,
     surfaces: usize,
     points: usize,
+}
+
+/// The sky.
+#[derive(Serialize)]
+struct SkyLine {
+    /// 1 to 15 of CIE S 011, or 16.
+    kind: u8,
+    zenith_luminance_cd_m2: f64,
+    /// Of a horizontal plane that sees all of it.
+    illuminance_lx: f64,
 }
 
 /// One light, with all its points.
@@ -199,6 +210,11 @@ fn contents(scene: &Scene) -> Contents {
             .sum(),
         cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
         lights: lights(scene),
+        sky: scene.appearance.sky.as_ref().map(|sky| {
+            let zenith_luminance_cd_m2 = sky.factor() * luminance_of(&sky.spectrum);
+            let illuminance_lx = zenith_luminance_cd_m2 * sky.shape.horizontal();
+            SkyLine { kind: sky.shape.kind, zenith_luminance_cd_m2, illuminance_lx }
+        }),
         sensors: scene.sensors.len(),
         grids: scene.grids.iter().map(|g| g.name.clone()).collect(),
         materials,
@@ -237,6 +253,10 @@ fn print_contents(contents: &Contents) {
             _ => String::new(),
         };
         say!("light {}: {}{spread}, {amount:.1} {unit}{file}", line.name, line.kind);
+    }
+    if let Some(sky) = &contents.sky {
+        let (zenith, lux) = (sky.zenith_luminance_cd_m2, sky.illuminance_lx);
+        say!("sky of type {}: {zenith:.1} cd/m2 at the zenith, {lux:.1} lx on a horizontal plane", sky.kind);
     }
     if contents.sensors > 0 || !contents.grids.is_empty() {
         let grids = if contents.grids.is_empty() { "none".to_owned() } else { contents.grids.join(", ") };

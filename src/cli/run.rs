@@ -314,7 +314,7 @@ impl Job<'_> {
         let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
         if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
             tell!(
-                "note: point lights have no body: their light reaches surfaces over mirrors and glass too, but \
+                "note: [[lights]] have no body: their light reaches surfaces over mirrors and glass too, but \
                  the view shows no reflection and no highlight of the lights themselves"
             );
         }

@@ -38,6 +38,9 @@ pub fn export(scene: &Scene, camera: &Camera, samples: u32, folder: &Path) -> Re
     for (light, source) in scene.geometry.lights.iter().zip(&scene.appearance.lights) {
         writer.light(light, source, scene.geometry.centre);
     }
+    if scene.appearance.sky.is_some() {
+        writer.note("the sky: left out".into());
+    }
     writer.line(0, "</scene>");
     atomic_file::write(&folder.join("scene.xml"), writer.xml.as_bytes())?;
     Ok(writer.notes)

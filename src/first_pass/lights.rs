@@ -6,22 +6,27 @@ use super::form_factor::exact;
 use super::lobe_table::{BAND, Band};
 use super::member::{Frame, outside};
 use super::scatter::{Lobe, Scatter};
+use super::sky;
 use super::specular::SpecularSet;
-use super::stats::over_area;
+use crate::material::Transmission;
 use crate::points::{Piece, SamplePoints};
 use crate::scene::{Distribution, Geometry, Light, LightKind, SampledAppearance};
 use crate::simd::wide;
-use crate::visibility::VisibilityGraph;
+use crate::visibility::LightSight;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// The light of all lights without a body where it falls.
+/// The light of all lights without a body, and of the sky, where it falls.
 #[derive(Clone, Debug, Default)]
 pub struct PointLighting {
     /// E of every point, the mean over its element, W m⁻² nm⁻¹: `[W][N]`; empty without lights.
     pub irradiance: Vec<f32>,
-    /// What all lights give, W nm⁻¹: `[W]`.
+    /// That of the sky alone; empty without.
+    pub sky: Vec<f32>,
+    /// What all lights give, W nm⁻¹: `[W]`; those from infinity as much as is used of it.
     pub flux: Vec<f64>,
+    /// What the scene catches of it.
+    pub caught: Vec<f64>,
     /// By specular point.
     incoming: Vec<Vec<Incoming>>,
 }
@@ -34,54 +39,75 @@ struct Incoming {
     irradiance: Vec<Band>,
     /// E lost on the way, `[bands]`.
     absorbed: Vec<Band>,
+    /// What goes straight on through a pane and is found where it falls, by no chain, `[bands]`; `None` if chains carry it.
+    straight: Option<Vec<Band>>,
 }
 
 impl PointLighting {
-    /// Of the lights of `geometry`, with the intensities of `appearance`, where `graph` says that
+    /// Of the lights of `geometry`, with the intensities of `appearance`, where `sight` says that
     /// they reach.
     pub fn new(
         geometry: &Geometry,
         points: &SamplePoints,
-        graph: &VisibilityGraph,
+        sight: &LightSight,
         appearance: &SampledAppearance,
         set: &SpecularSet,
     ) -> Self {
-        let (n, w, bands) = (points.len(), set.wavelengths, set.bands());
-        if geometry.lights.is_empty() {
-            return PointLighting { flux: vec![0.0; w], ..Default::default() };
+        let (n, w) = (points.len(), set.wavelengths);
+        let mut lighting = PointLighting { flux: vec![0.0; w], caught: vec![0.0; w], ..Default::default() };
+        if geometry.lights.is_empty() && geometry.zenith.is_none() {
+            return lighting;
         }
-        let mut lighting = PointLighting {
-            irradiance: vec![0.0; n * w],
-            flux: vec![0.0; w],
-            incoming: vec![Vec::new(); set.points.len()],
-        };
+        lighting.irradiance = vec![0.0; n * w];
+        lighting.incoming = vec![Vec::new(); set.points.len()];
         let mut specular_at = vec![None; n];
         set.points.iter().enumerate().for_each(|(s, p)| specular_at[p.point as usize] = Some(s));
-        for (l, (light, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
-            let shares = shares(light, points, |i| graph.lit(l, i));
-            for (flux, i) in lighting.flux.iter_mut().zip(intensity) {
-                *flux += flux_share(light, points, &shares) * f64::from(*i);
-            }
+        for (l, (light, amount)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
+            let shares = shares(light, points, |i| sight.lit(l, i));
+            let mut caught = vec![0.0; w];
+            let mut falls = |i: usize, irradiance: &[f32]| {
+                let mut straight = None;
+                if let Some(s) = specular_at[i] {
+                    let incoming = Incoming::new(light, points, irradiance, (set, s), appearance);
+                    straight = incoming.straight.clone();
+                    lighting.incoming[s].push(incoming);
+                }
+                for (k, &e) in irradiance.iter().enumerate() {
+                    let on = straight.as_ref().map_or(0.0, |bands| bands[k / BAND][k % BAND]);
+                    lighting.irradiance[k * n + i] += e;
+                    caught[k] += f64::from(points.area[i] * (e - on));
+                }
+            };
+            let mut irradiance = vec![0.0; w];
             for (i, &share) in shares.iter().enumerate().filter(|(_, share)| **share > 0.0) {
-                for (k, intensity) in intensity.iter().enumerate() {
-                    lighting.irradiance[k * n + i] += share * intensity;
-                }
-                let Some(s) = specular_at[i] else { continue };
-                let (direction, distance) = Frame::new(points, i).place(points, i, light.place().as_vec3());
-                let absorption = set.material(&set.points[s]).filter(|_| set.points[s].inside);
-                let mut incoming = Incoming {
-                    direction,
-                    irradiance: vec![[0.0; BAND]; bands],
-                    absorbed: vec![[0.0; BAND]; bands],
-                };
-                for (k, intensity) in intensity.iter().enumerate() {
-                    let a = absorption.map_or(0.0, |m| m.absorption[k]);
-                    let through = (-a * distance).exp();
-                    incoming.irradiance[k / BAND][k % BAND] = share * intensity * through;
-                    incoming.absorbed[k / BAND][k % BAND] = share * intensity * (1.0 - through);
-                }
-                lighting.incoming[s].push(incoming);
+                irradiance.iter_mut().zip(amount).for_each(|(e, a)| *e = share * a);
+                falls(i, &irradiance);
             }
+            for (i, through) in passing(geometry, light, sight, l, appearance) {
+                let share = share(light, points, i);
+                irradiance.iter_mut().zip(amount).zip(&through).for_each(|((e, a), t)| *e = share * a * t);
+                falls(i, &irradiance);
+            }
+            for k in 0..w {
+                lighting.caught[k] += caught[k];
+                lighting.flux[k] += match light.kind {
+                    LightKind::Point { .. } => light.flux_share() * f64::from(amount[k]),
+                    LightKind::Directional { .. } => caught[k],
+                };
+            }
+        }
+        if let Some(sky) = sky::irradiance(geometry, points, &sight.sky, appearance) {
+            for (k, of_sky) in sky.chunks_exact(n.max(1)).enumerate() {
+                for (i, &e) in of_sky.iter().enumerate() {
+                    // What falls on specular points and is not reflected diffusely is left out.
+                    let diffuse = appearance.of(points.surface[i]).diffuse[k];
+                    let used = if specular_at[i].is_some() { e * diffuse } else { e };
+                    lighting.irradiance[k * n + i] += e;
+                    lighting.caught[k] += f64::from(points.area[i] * used);
+                    lighting.flux[k] += f64::from(points.area[i] * used);
+                }
+            }
+            lighting.sky = sky;
         }
         lighting
     }
@@ -91,13 +117,18 @@ impl PointLighting {
         self.incoming.iter().all(Vec::is_empty)
     }
 
-    /// E on specular point `s`, and what was absorbed on the way: the sums over the lights, `[W]`.
+    /// E on specular point `s` as far as chains carry it on or it stays there, and what was absorbed on the way: the
+    /// sums over the lights, `[W]`.
     pub fn on(&self, s: usize, w: usize) -> (Vec<f64>, Vec<f64>) {
-        let sum = |of: &dyn Fn(&Incoming) -> &Vec<Band>, k: usize| {
-            self.incoming[s].iter().map(|i| f64::from(of(i)[k / BAND][k % BAND])).sum()
-        };
-        let each = |of: &dyn Fn(&Incoming) -> &Vec<Band>| (0..w).map(|k| sum(of, k)).collect();
-        (each(&|i| &i.irradiance), each(&|i| &i.absorbed))
+        let (mut falls, mut absorbed) = (vec![0.0; w], vec![0.0; w]);
+        for incoming in &self.incoming[s] {
+            for k in 0..w {
+                let of = |bands: &[Band]| f64::from(bands[k / BAND][k % BAND]);
+                falls[k] += of(&incoming.irradiance) - incoming.straight.as_deref().map_or(0.0, of);
+                absorbed[k] += of(&incoming.absorbed);
+            }
+        }
+        (falls, absorbed)
     }
 
     /// Adds what specular point `s` of `set` sends of the light of the lights to the members in its first
@@ -106,16 +137,19 @@ impl PointLighting {
         let point = &set.points[s];
         let Some(material) = set.material(point) else { return };
         let bands = set.bands();
-        let list: Vec<Direction> = self.incoming[s].iter().map(|i| i.direction).collect();
+        let all: Vec<&Incoming> = self.incoming[s].iter().collect();
+        let list: Vec<Direction> = all.iter().map(|i| i.direction).collect();
         let mut from = Directions::new(point.reflection.origin, &list);
         scale(&mut from, &point.reflection, |z| material.albedo.eval(z));
         let lobe = Lobe { table: reflectance(point, material), bands };
-        self.send(s, &from, &point.reflection, groups, lobe, radiance);
+        send(&all, &from, &point.reflection, groups, lobe, radiance);
         if let (Some(twin), Some(table), Some(to)) = (point.twin, &material.transmit, &point.transmission)
             && let Some(Directions { origin, .. }) = set.points[twin as usize].transmission
         {
             let twin = twin as usize;
-            let list: Vec<Direction> = self.incoming[twin].iter().map(|i| i.direction).collect();
+            let onward: Vec<&Incoming> =
+                self.incoming[twin].iter().filter(|i| i.straight.is_none()).collect();
+            let list: Vec<Direction> = onward.iter().map(|i| i.direction).collect();
             let mut from = if set.points[twin].inside {
                 outside(origin, &list, material.n2)
             } else {
@@ -123,30 +157,88 @@ impl PointLighting {
             };
             scale(&mut from, to, |_| 1.0);
             let mut through = vec![[0.0; BAND]; radiance.len()];
-            self.send(twin, &from, to, groups, Lobe { table, bands }, &mut through);
+            send(&onward, &from, to, groups, Lobe { table, bands }, &mut through);
             let n2 = if point.inside { material.n2 } else { 1.0 };
             for (out, through) in radiance.iter_mut().zip(&through) {
                 (0..BAND).for_each(|lane| out[lane] += n2 * through[lane]);
             }
         }
     }
+}
 
-    /// Scatters the light of the lights at specular point `s`, which are the directions `from`.
-    fn send(
-        &self,
-        s: usize,
-        from: &Directions,
-        to: &Directions,
-        groups: usize,
-        lobe: Lobe,
-        radiance: &mut [Band],
-    ) {
-        let members: Vec<u32> = (0..from.len as u32).collect();
-        let light: Vec<Band> = self.incoming[s].iter().flat_map(|i| i.irradiance.iter().copied()).collect();
-        if !members.is_empty() {
-            wide(Scatter { from, sources: (&members, &light), to, groups, lobe, radiance });
+impl Incoming {
+    /// What comes from `light` to a specular point and makes this irradiance there.
+    fn new(
+        light: &Light,
+        points: &SamplePoints,
+        irradiance: &[f32],
+        (set, s): (&SpecularSet, usize),
+        appearance: &SampledAppearance,
+    ) -> Self {
+        let (point, bands) = (&set.points[s], set.bands());
+        let i = point.point as usize;
+        let (direction, distance) = Frame::new(points, i).place(points, i, light.place().as_vec3());
+        let absorption = set.material(point).filter(|_| point.inside);
+        let mut incoming = Incoming {
+            direction,
+            irradiance: vec![[0.0; BAND]; bands],
+            absorbed: vec![[0.0; BAND]; bands],
+            straight: None,
+        };
+        for (k, &e) in irradiance.iter().enumerate() {
+            let through = (-absorption.map_or(0.0, |m| m.absorption[k]) * distance).exp();
+            incoming.irradiance[k / BAND][k % BAND] = e * through;
+            incoming.absorbed[k / BAND][k % BAND] = e * (1.0 - through);
         }
+        if let (LightKind::Directional { .. }, Some(Transmission::Pane { transmit })) =
+            (&light.kind, &appearance.of(points.surface[i]).transmission)
+            && points.round(i).is_none()
+        {
+            let mut on = vec![0.0; irradiance.len()];
+            transmit.eval(direction.to[2], &mut on);
+            let mut straight = vec![[0.0; BAND]; bands];
+            on.iter()
+                .zip(irradiance)
+                .enumerate()
+                .for_each(|(k, (t, e))| straight[k / BAND][k % BAND] = t * e);
+            incoming.straight = Some(straight);
+        }
+        incoming
     }
+}
+
+/// Scatters the light of lights that come from the directions `from`.
+fn send(
+    lights: &[&Incoming],
+    from: &Directions,
+    to: &Directions,
+    groups: usize,
+    lobe: Lobe,
+    radiance: &mut [Band],
+) {
+    let members: Vec<u32> = (0..from.len as u32).collect();
+    let light: Vec<Band> = lights.iter().flat_map(|i| i.irradiance.iter().copied()).collect();
+    if !members.is_empty() {
+        wide(Scatter { from, sources: (&members, &light), to, groups, lobe, radiance });
+    }
+}
+
+/// The points that directional light `l` reaches through panes, and what these let through, `[W]`.
+fn passing<'a>(
+    geometry: &'a Geometry,
+    light: &Light,
+    sight: &'a LightSight,
+    l: usize,
+    appearance: &SampledAppearance,
+) -> impl Iterator<Item = (usize, Vec<f32>)> + 'a {
+    let lists: Vec<Option<Vec<f32>>> = match light.kind {
+        LightKind::Point { .. } => Vec::new(),
+        LightKind::Directional { from, .. } => {
+            sight.passages.lists().iter().map(|list| appearance.through(geometry, list, from)).collect()
+        }
+    };
+    let through = move |number: u16| lists.get(usize::from(number)).cloned().flatten();
+    sight.passing(l).iter().filter_map(move |&(i, number)| Some((i as usize, through(number)?)))
 }
 
 /// Scales every direction so that its lobe over the members `to` returns the directional albedo. Lobes
@@ -170,17 +262,9 @@ fn scale(from: &mut Directions, to: &Directions, albedo: impl Fn(f32) -> f32) {
 
 /// Irradiance of all points, the mean over the element of each, over the amount of a light that reaches those that are
 /// `lit`; 0 for the others.
-pub(super) fn shares(light: &Light, points: &SamplePoints, lit: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+fn shares(light: &Light, points: &SamplePoints, lit: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
     let of = |i: usize| if lit(i) { share(light, points, i) } else { 0.0 };
     (0..points.len()).into_par_iter().map(of).collect()
-}
-
-/// Flux over the amount of a light whose `shares` these are; of one from infinity only what falls on something.
-pub(super) fn flux_share(light: &Light, points: &SamplePoints, shares: &[f32]) -> f64 {
-    match light.kind {
-        LightKind::Point { .. } => light.flux_share(),
-        LightKind::Directional { .. } => over_area(points, |i| f64::from(shares[i])),
-    }
 }
 
 fn share(light: &Light, points: &SamplePoints, i: usize) -> f32 {

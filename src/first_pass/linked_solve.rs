@@ -1,9 +1,10 @@
 //! The first pass over links: one scene under one appearance after another.
 
-use super::lights::{flux_share, shares};
+use super::lights::PointLighting;
 use super::linked::LinkedOperator;
 use super::rooms::{linked_rooms, weights};
 use super::settings::{FirstPassSettings, Solver};
+use super::specular::SpecularSet;
 use super::stats::{self, FirstPassStats, FluxBalance, Range, over_area};
 use super::system::{MARGIN, unfinished};
 use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, gmres, refuse_endless};
@@ -37,9 +38,11 @@ struct Light {
     reflectance: Vec<f32>,
     /// Irradiance by point lights; empty without.
     lights: Vec<f32>,
+    /// Irradiance by the sky alone; empty without.
+    sky: Vec<f32>,
     /// Flux emitted by surfaces and lights, W nm⁻¹: `[W]`.
     emitted: Vec<f64>,
-    /// Flux of point lights alone.
+    /// Flux of lights without a body alone.
     of_lights: Vec<f64>,
 }
 
@@ -146,12 +149,12 @@ impl<'a> LinkedRelighter<'a> {
         let parts = settings.parts.then(|| {
             let mut direct = self.diffuse.irradiance(&light.emission, |_| true);
             direct.iter_mut().zip(&light.lights).for_each(|(e, more)| *e += more);
+            direct.iter_mut().zip(&light.sky).for_each(|(e, sky)| *e -= sky);
+            let mut sky = light.sky.clone();
+            sky.resize(n * w, 0.0);
+            let sky: Vec<f32> = reflected(&light.reflectance, &sky).collect();
             let direct: Vec<f32> = reflected(&light.reflectance, &direct).collect();
-            Parts {
-                emission: by_point(&light.emission),
-                direct: by_point(&direct),
-                specular: vec![0.0; n * w],
-            }
+            Parts { emission: by_point(&light.emission), direct: by_point(&direct), specular: by_point(&sky) }
         });
         let (wavelengths, radiance) = (appearance.wavelengths.clone(), by_point(&radiance));
         Ok(DiffuseSolution { wavelengths, radiance, parts, stats })
@@ -164,6 +167,7 @@ impl<'a> LinkedRelighter<'a> {
             emission: vec![0.0; n * w],
             reflectance: vec![0.0; n * w],
             lights: Vec::new(),
+            sky: Vec::new(),
             emitted: Vec::new(),
             of_lights: vec![0.0; w],
         };
@@ -174,18 +178,12 @@ impl<'a> LinkedRelighter<'a> {
                 light.reflectance[k * n + i] = material.diffuse[k];
             }
         }
-        if !geometry.lights.is_empty() {
-            light.lights = vec![0.0; n * w];
-        }
-        for (l, (source, intensity)) in geometry.lights.iter().zip(&appearance.lights).enumerate() {
-            let shares = shares(source, points, |i| self.links.lit(l, i));
-            let flux = flux_share(source, points, &shares);
-            for (k, &intensity) in intensity.iter().enumerate() {
-                light.of_lights[k] += flux * f64::from(intensity);
-                let own = &mut light.lights[k * n..][..n];
-                own.iter_mut().zip(&shares).for_each(|(e, share)| *e += share * intensity);
-            }
-        }
+        // Nothing is specular here.
+        let set = SpecularSet { wavelengths: w, ..Default::default() };
+        let falls = PointLighting::new(geometry, points, self.links.lights(), appearance, &set);
+        light.lights = falls.irradiance;
+        light.sky = falls.sky;
+        light.of_lights = falls.flux;
         let emitted = flux(points, &light.emission, w);
         light.emitted = emitted.iter().zip(&light.of_lights).map(|(e, l)| e + l).collect();
         light

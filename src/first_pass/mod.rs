@@ -39,6 +39,7 @@ mod scatter;
 mod schedule;
 mod settings;
 mod shooting;
+mod sky;
 pub mod specular;
 pub mod specular_material;
 mod stats;
@@ -54,7 +55,7 @@ use crate::error::{Error, Result};
 use crate::material::{FresnelTable, SampledMaterial, Transmission};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
-use crate::scene::{Geometry, SampledAppearance};
+use crate::scene::{Geometry, SampledAppearance, SampledSky};
 use crate::spectrum::Wavelengths;
 use crate::visibility::VisibilityGraph;
 
@@ -79,9 +80,10 @@ pub struct DiffuseSolution {
 pub struct Parts {
     /// What is emitted.
     pub emission: Vec<f32>,
-    /// Reflected of light straight from emitting surfaces and point lights.
+    /// Reflected of light straight from emitting surfaces and lights without a body, that of directional ones through
+    /// panes included.
     pub direct: Vec<f32>,
-    /// Reflected of light that came over mirrors, gloss or glass.
+    /// Reflected of light that came over mirrors, gloss or glass, or from the sky.
     pub specular: Vec<f32>,
 }
 
@@ -160,11 +162,15 @@ fn check_appearance(geometry: &Geometry, knows_lights: bool, appearance: &Sample
         return refuse("a run needs at least one wavelength");
     }
     if !knows_lights {
-        return refuse("it is not known what the point lights reach: let the graph look at them");
+        return refuse("it is not known what the lights and the sky reach: let the graph look at them");
     }
     let sane = |l: &Vec<f32>| l.len() == w && l.iter().all(|i| (0.0..=f32::MAX).contains(i));
     if appearance.lights.len() != geometry.lights.len() || !appearance.lights.iter().all(sane) {
-        return refuse("the appearance does not say what each point light gives at every wavelength");
+        return refuse("the appearance does not say what each light gives at every wavelength");
+    }
+    let sound = |sky: &SampledSky| sane(&sky.zenith) && sane(&sky.ground);
+    if appearance.sky.is_some() != geometry.zenith.is_some() || !appearance.sky.iter().all(sound) {
+        return refuse("the appearance does not say what the sky gives at every wavelength");
     }
     appearance.materials.iter().try_for_each(|m| check_material(m, w))
 }

@@ -167,9 +167,11 @@ impl<'a> Relighter<'a> {
         let parts = settings.parts.then(|| {
             let mut direct = self.diffuse.irradiance(&system.emission, |_| true);
             direct.iter_mut().zip(&system.lights.irradiance).for_each(|(e, more)| *e += more);
+            direct.iter_mut().zip(&system.lights.sky).for_each(|(e, sky)| *e -= sky);
             // Where nothing is specular there are no chains, and no room for them.
             let mut specular = solved.flow.irradiance.clone();
             specular.resize(n * w, 0.0);
+            specular.iter_mut().zip(&system.lights.sky).for_each(|(e, sky)| *e += sky);
             Parts {
                 emission: by_point(&system.emission),
                 direct: by_point(&system.reflected(&direct)),

@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 /// Where the emitted flux went, W nm⁻¹, `[W]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FluxBalance {
-    /// π Σ A L^E and the flux of point lights.
+    /// π Σ A L^E and the flux of lights without a body; of those from infinity and of the sky what falls on the scene.
     pub emitted: Vec<f64>,
     /// Absorbed by surfaces and inside solids.
     pub absorbed: Vec<f64>,
@@ -171,7 +171,6 @@ pub fn balance(
     let mut flux = FluxBalance::default();
     for k in 0..w {
         let emitted = PI * over_area(points, |i| at(emission, k, i)) + lights.flux[k];
-        let caught = over_area(points, |i| lights.irradiance.get(k * n + i).map_or(0.0, |&e| e.into()));
         // A specular point turns ρ E back diffusely; what else it got is in the chains' account.
         let kept = over_area(points, |i| {
             let falls = if is_specular[i] { 0.0 } else { at(irradiance, k, i) };
@@ -183,7 +182,7 @@ pub fn balance(
         let cut_off = share(&flow.cut_off);
         // What is cut off never entered the specular point it was going to.
         let absorbed = kept + share(&flow.entered) - share(&flow.left) + share(&flow.medium);
-        let escaped = openings + share(&flow.escaped) + lights.flux[k] - caught;
+        let escaped = openings + share(&flow.escaped) + lights.flux[k] - lights.caught[k];
         let missing = emitted - absorbed - escaped - cut_off;
         flux.emitted.push(emitted);
         flux.absorbed.push(absorbed);

@@ -103,7 +103,7 @@ impl<'a> System<'a> {
             kept.specular,
             observer,
         );
-        let lights = PointLighting::new(geometry, points, graph, appearance, &specular);
+        let lights = PointLighting::new(geometry, points, graph.lights(), appearance, &specular);
         let light_chains = if lights.misses_specular_points() {
             ChainFlow::default()
         } else {

@@ -6,6 +6,7 @@ use super::settings::MeasureSettings;
 use crate::geometry::SurfaceId;
 use crate::second_pass::LitScene;
 use crate::tracers::{RayTracer, Segment};
+use crate::visibility::{Patches, SkyGaze};
 use glam::Vec3;
 
 /// Cells of an emitter wider than this are divided before anything is asked, rad: with [`RAYS`] rays
@@ -13,6 +14,8 @@ use glam::Vec3;
 const WIDEST: f64 = 0.03;
 /// Rays along either way of a cell.
 const RAYS: usize = 3;
+/// A sensor looks for the sky so many times as finely as a sample point.
+const SKY_FINER: u32 = 3;
 /// No cell is divided more often.
 const DEEPEST: u8 = 12;
 
@@ -22,12 +25,15 @@ pub(super) struct Direct<'a> {
     tracer: &'a dyn RayTracer,
     tolerance: f64,
     emitters: Vec<Cell<'a>>,
+    /// Directions in which a sky is looked for.
+    sky: Option<Patches>,
 }
 
 impl<'a> Direct<'a> {
     /// Of `scene`.
     pub fn new(scene: &'a LitScene<'a>, tracer: &'a dyn RayTracer, settings: &MeasureSettings) -> Self {
-        Direct { scene, tracer, tolerance: settings.shadow_tolerance, emitters: emitters(scene) }
+        let sky = scene.geometry.zenith.map(Patches::new);
+        Direct { scene, tracer, tolerance: settings.shadow_tolerance, emitters: emitters(scene), sky }
     }
 
     /// E, `[W]`.
@@ -45,7 +51,20 @@ impl<'a> Direct<'a> {
                 irradiance.iter_mut().zip(intensity).for_each(|(e, i)| *e += share * f64::from(*i));
             }
         }
+        self.add_sky(place, &mut irradiance);
         irradiance
+    }
+
+    /// Adds the light of the sky, where nothing at all is in the way.
+    fn add_sky(&self, place: &Place, irradiance: &mut [f64]) {
+        let (Some(patches), Some(sky)) = (&self.sky, &self.scene.appearance.sky) else { return };
+        let gaze = SkyGaze::new(self.scene.geometry, self.tracer, patches, SKY_FINER);
+        for (p, through, factor) in gaze.at(place.position, place.normal) {
+            if through.is_empty() {
+                let seen = sky.mean(patches.cells(p.into(), SkyGaze::CELLS));
+                irradiance.iter_mut().zip(seen).for_each(|(e, l)| *e += f64::from(factor * l));
+            }
+        }
     }
 
     fn blocked(&self, segments: &[Segment]) -> Vec<bool> {

@@ -101,6 +101,7 @@ impl Tracing<'_> {
         throughput: &[f64],
         room: &mut Room,
         (segments, targets, light): (&mut Vec<Segment>, &mut Vec<u32>, &mut Vec<f64>),
+        beams: &mut Vec<(usize, DVec3, DVec3)>,
     ) {
         let u = uniform(&met.path, 0);
         let source = self.emitters.draw(self.geometry, [u[0], u[1], u[2]]);
@@ -141,6 +142,9 @@ impl Tracing<'_> {
             return;
         }
         let from = met.position + self.offset[met.surface.index()] * met.n;
+        if let Source::Light { .. } = source {
+            beams.push((segments.len(), from, end));
+        }
         segments.push(Segment { from: from.as_vec3(), to: end.as_vec3() });
         targets.push(met.path.pixel);
     }

@@ -5,7 +5,8 @@
 //! by chance, weighed by the power heuristic (E. Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, 1997,
 //! chapter 9); paths end by Russian roulette alone. The image says how noisy it is, pixel by pixel.
 //!
-//! Not found: light of point lights by way of mirrors and glass, for nothing can hit a point by chance.
+//! Paths that leave the scene see the sky. Not found: light of lights without a body by way of mirrors and solid glass, for
+//! nothing can hit a point by chance; what comes straight through panes is.
 
 mod bsdf;
 mod emitters;

@@ -9,6 +9,7 @@ use crate::scene::{Camera, Geometry, SampledAppearance, View};
 use crate::second_pass::{NO_MEDIUM, inset, ray_offset};
 use crate::spectrum::LUMENS_PER_WATT;
 use crate::tracers::{RayTracer, Segment};
+use crate::visibility::Passages;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -76,6 +77,8 @@ pub struct Wave {
     pub segments: Vec<Segment>,
     pub targets: Vec<u32>,
     pub light: Vec<f64>,
+    /// Segments to lights without a body, their number and both ends: panes may let these through.
+    pub beams: Vec<(usize, DVec3, DVec3)>,
 }
 
 impl Wave {
@@ -129,6 +132,12 @@ impl<'a> Tracing<'a> {
 
     pub fn bright(&self, values: &[f64]) -> f64 {
         values.iter().zip(&self.brightness).map(|(v, b)| v * b).sum()
+    }
+
+    /// What panes let through on the straight way to a light; `None` where anything else is in the way.
+    fn through(&self, from: DVec3, to: DVec3) -> Option<Vec<f32>> {
+        let list = Passages::walk(self.geometry, self.tracer, from, to)?;
+        self.appearance.through(self.geometry, &list, (to - from).normalize())
     }
 
     /// The material of the solid around a path.
@@ -213,7 +222,8 @@ impl Replicate {
         let mut hits: Vec<Option<Hit>> = vec![None; wave.rays.len()];
         tracing.tracer.closest_batch(&wave.rays, &mut hits);
         self.rays += wave.rays.len() as u64;
-        let (segments, targets, light) = (&mut wave.segments, &mut wave.targets, &mut wave.light);
+        let Wave { segments, targets, light, beams, .. } = wave;
+        beams.clear();
         segments.clear();
         targets.clear();
         light.clear();
@@ -221,7 +231,15 @@ impl Replicate {
         let throughputs = wave.throughput.chunks_exact_mut(w);
         for (((ray, path), hit), throughput) in wave.rays.iter().zip(&wave.paths).zip(&hits).zip(throughputs)
         {
-            let Some(hit) = hit else { continue };
+            let Some(hit) = hit else {
+                if let Some(sky) = &tracing.appearance.sky {
+                    let sum = &mut self.radiance[path.pixel as usize * w..][..w];
+                    for ((sum, t), l) in sum.iter_mut().zip(&*throughput).zip(sky.radiance(ray.direction)) {
+                        *sum += t * f64::from(l);
+                    }
+                }
+                continue;
+            };
             let Some(met) = tracing.meet(ray, hit, path, throughput) else { continue };
             self.longest = self.longest.max(path.depth + 1);
             let sum = &mut self.radiance[path.pixel as usize * w..][..w];
@@ -233,7 +251,7 @@ impl Replicate {
                     let specular = tracing.specular_chance(&met, &mut room);
                     let at = Opaque { material: met.material, i: met.i, n, specular };
                     if at.scatters() && !tracing.emitters.is_empty() {
-                        tracing.ask(&met, &at, throughput, &mut room, (segments, targets, light));
+                        tracing.ask(&met, &at, throughput, &mut room, (segments, targets, light), beams);
                     }
                     if let Some(drawn) = at.draw(uniform(path, 1), &mut room.value, &mut room.fresnel) {
                         room.value.iter_mut().zip(&*throughput).for_each(|(v, t)| *v *= t);
@@ -246,6 +264,14 @@ impl Replicate {
         self.shadow_rays += segments.len() as u64;
         let mut blocked = vec![false; segments.len()];
         tracing.tracer.occluded_batch(segments, &mut blocked);
+        for &(k, from, to) in &*beams {
+            if blocked[k]
+                && let Some(through) = tracing.through(from, to)
+            {
+                light[k * w..][..w].iter_mut().zip(through).for_each(|(l, t)| *l *= f64::from(t));
+                blocked[k] = false;
+            }
+        }
         for ((pixel, light), _) in
             targets.iter().zip(light.chunks_exact(w)).zip(&blocked).filter(|(_, b)| !**b)
         {

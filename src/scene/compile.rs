@@ -5,6 +5,7 @@ use super::lights;
 use super::materials::Materials;
 use super::parts::{Part, parts};
 use super::places::{self, unique, vector};
+use super::skies;
 use super::source::Sources;
 use super::spectra::Spectra;
 use super::surfaces::{Shaped, shape};
@@ -42,6 +43,7 @@ pub fn scene(description: &SceneDescription) -> Result<Scene> {
     let Shaped { mut geometry, mut notes } = shape(description, &parts, both_sides)?;
     let sampling = sampling(&description.sources, &document.sampling, &geometry)?;
     geometry.lights = lights::lights(description, geometry.centre, geometry.radius)?;
+    geometry.zenith = skies::zenith(description)?;
     let (sensors, grids) = places::sensors(description)?;
     let cameras = cameras(description)?;
     let appearance = appearance(description, &geometry)?;
@@ -81,7 +83,8 @@ pub fn appearance(description: &SceneDescription, geometry: &Geometry) -> Result
         surface_material.push(ids[part.material.as_str()]);
     }
     let lights = lights::sources(description, &compiler.spectra, geometry)?;
-    Ok(Appearance { materials, surface_material, lights })
+    let sky = skies::sky(description, &compiler.spectra, geometry.zenith)?;
+    Ok(Appearance { materials, surface_material, lights, sky })
 }
 
 /// The key that asks for both sides, if `part` wears a material that does.

@@ -28,6 +28,7 @@ pub struct Document {
     pub objects: Vec<Spanned<ObjectTable>>,
     #[serde(default)]
     pub lights: Vec<Spanned<LightTable>>,
+    pub sky: Option<Spanned<SkyTable>>,
     #[serde(default)]
     pub sensors: Vec<Spanned<SensorTable>>,
     #[serde(default)]
@@ -47,6 +48,7 @@ pub struct Changes {
     pub materials: BTreeMap<Name, MaterialTable>,
     #[serde(default)]
     pub lights: BTreeMap<Name, LightChanges>,
+    pub sky: Option<Spanned<SkyTable>>,
     #[serde(default)]
     pub assign: BTreeMap<Name, Name>,
     #[serde(default)]
@@ -256,6 +258,39 @@ pub struct LightChanges {
     pub luminous_intensity: Option<Spanned<f64>>,
     pub illuminance: Option<Spanned<f64>>,
     pub scale: Option<Spanned<f64>>,
+}
+
+/// `[sky]`, in a scene or in changes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SkyTable {
+    #[serde(rename = "type")]
+    pub kind: Option<Spanned<SpectrumRef>>,
+    pub sun: Option<Spanned<[f64; 3]>>,
+    pub up: Option<Spanned<[f64; 3]>>,
+    pub illuminant: Option<Name>,
+    pub spectrum: Option<Spanned<SpectrumRef>>,
+    pub zenith_luminance: Option<Spanned<f64>>,
+    pub illuminance: Option<Spanned<f64>>,
+    pub ground: Option<Spanned<SpectrumRef>>,
+}
+
+impl SkyTable {
+    /// This table with the keys of `change`, each as a whole; a spectrum and an amount replace the other ways to give them.
+    pub fn changed(self, change: SkyTable) -> SkyTable {
+        let spectrum = change.illuminant.is_some() || change.spectrum.is_some();
+        let amount = change.zenith_luminance.is_some() || change.illuminance.is_some();
+        SkyTable {
+            kind: change.kind.or(self.kind),
+            sun: change.sun.or(self.sun),
+            up: change.up.or(self.up),
+            illuminant: if spectrum { change.illuminant } else { self.illuminant },
+            spectrum: if spectrum { change.spectrum } else { self.spectrum },
+            zenith_luminance: if amount { change.zenith_luminance } else { self.zenith_luminance },
+            illuminance: if amount { change.illuminance } else { self.illuminance },
+            ground: change.ground.or(self.ground),
+        }
+    }
 }
 
 /// `[[moves]]` in changes.

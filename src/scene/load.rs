@@ -1,7 +1,7 @@
 //! Reading scene files, and changes on top of them.
 
 use super::description::{
-    Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, MoveTable, Name, ObjectTable,
+    Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, MoveTable, Name, ObjectTable, SkyTable,
 };
 use super::ies::Luminaire;
 use super::motion::Motion;
@@ -127,6 +127,9 @@ impl SceneDescription {
         for (name, change) in changes.lights {
             description.change_light(&name, change)?;
         }
+        if let Some(change) = changes.sky {
+            description.change_sky(change)?;
+        }
         description.rearrange(changes.remove, &changes.moves, changes.objects)?;
         let assigned = changes.assign.into_iter().map(|(object, material)| (object, Edit::Assign(material)));
         description.edits.extend(assigned);
@@ -173,6 +176,18 @@ impl SceneDescription {
         }
         // What is wrong with it from here on is the fault of the change.
         lights[at] = Spanned::new(name.span(), light);
+        Ok(())
+    }
+
+    /// Gives the sky what `change` says.
+    fn change_sky(&mut self, change: Spanned<SkyTable>) -> Result<()> {
+        let place = change.span();
+        let Some(sky) = self.document.sky.take() else {
+            let message = "the scene file has no [sky] that could change; give it one, which may be dark";
+            return Err(self.sources.error(place.start, message));
+        };
+        // What is wrong with it from here on is the fault of the change.
+        self.document.sky = Some(Spanned::new(place, sky.into_inner().changed(change.into_inner())));
         Ok(())
     }
 

@@ -16,6 +16,8 @@ mod parts;
 mod places;
 mod sampled;
 mod sensor;
+mod skies;
+mod sky;
 mod source;
 mod spectra;
 mod suggest;
@@ -29,6 +31,7 @@ pub use light::{Distribution, Light, LightKind, LightLevel, LightSource, Way};
 pub use load::{SceneDescription, load, load_with_changes};
 pub use sampled::SampledAppearance;
 pub use sensor::{Grid, Sensor};
+pub use sky::{SampledSky, Sky, SkyLevel, SkyShape};
 pub use web::{Web, WebType};
 
 use crate::geometry::{Aabb, Surface, SurfaceId};
@@ -86,6 +89,8 @@ pub struct Geometry {
     pub max_area: Vec<Option<f64>>,
     /// Lights without a body. What they give is the appearance's.
     pub lights: Vec<Light>,
+    /// Where the zenith is, unit, of a scene under a sky. What the sky gives is the appearance's.
+    pub zenith: Option<DVec3>,
 }
 
 impl Geometry {
@@ -105,6 +110,7 @@ impl Geometry {
             objects,
             max_area: vec![None; shapes.len()],
             lights: Vec::new(),
+            zenith: None,
         };
         for (shape, two_sided, patch, object) in shapes {
             geometry.surfaces.push(Surface::new(shape.placed(local)));
@@ -163,6 +169,8 @@ pub struct Appearance {
     pub surface_material: Vec<MaterialId>,
     /// What each of [`Geometry::lights`] gives.
     pub lights: Vec<LightSource>,
+    /// What the sky gives, if there is one.
+    pub sky: Option<Sky>,
 }
 
 impl Appearance {

@@ -1,9 +1,10 @@
 //! An appearance at the wavelengths of a run.
 
-use super::{Appearance, Geometry, MaterialId};
+use super::{Appearance, Geometry, LightKind, MaterialId, SampledSky};
 use crate::geometry::SurfaceId;
-use crate::material::SampledMaterial;
+use crate::material::{SampledMaterial, Transmission};
 use crate::spectrum::{Spectrum, Wavelengths};
+use glam::DVec3;
 use std::f64::consts::PI;
 
 /// All materials as a run sees them.
@@ -17,6 +18,8 @@ pub struct SampledAppearance {
     pub surface_material: Vec<MaterialId>,
     /// Spectral amount of each of [`Geometry::lights`] ([`LightSource::factor`](super::LightSource::factor)): `[W]` each.
     pub lights: Vec<Vec<f32>>,
+    /// What the sky gives, if there is one.
+    pub sky: Option<SampledSky>,
 }
 
 impl SampledAppearance {
@@ -24,6 +27,19 @@ impl SampledAppearance {
     #[inline]
     pub fn of(&self, id: SurfaceId) -> &SampledMaterial {
         &self.materials[self.surface_material[id.index()].0 as usize]
+    }
+
+    /// What light along `d` (unit) keeps on its straight way through `surfaces`, `[W]`; `None` if one is no pane.
+    pub fn through(&self, geometry: &Geometry, surfaces: &[SurfaceId], d: DVec3) -> Option<Vec<f32>> {
+        let w = self.wavelengths.len();
+        let (mut through, mut share) = (vec![1.0; w], vec![0.0; w]);
+        for &surface in surfaces {
+            let Some(Transmission::Pane { transmit }) = &self.of(surface).transmission else { return None };
+            let normal = geometry.surface(surface).plane()?.normal;
+            transmit.eval(normal.dot(d).abs() as f32, &mut share);
+            through.iter_mut().zip(&share).for_each(|(t, s)| *t *= s);
+        }
+        Some(through)
     }
 }
 
@@ -40,14 +56,23 @@ impl Appearance {
     ) -> SampledAppearance {
         let areas = self.emitting_areas(geometry);
         let wavelengths = wavelengths.under(&self.light(geometry, &areas));
+        let lights: Vec<Vec<f32>> = (self.lights.iter().zip(&geometry.lights))
+            .map(|(source, light)| source.sample(light, &wavelengths))
+            .collect();
+        let sky = self.sky.as_ref().map(|sky| {
+            let beams = geometry.lights.iter().zip(&lights).filter_map(|(light, amount)| match light.kind {
+                LightKind::Directional { from, .. } => Some((from, &amount[..])),
+                LightKind::Point { .. } => None,
+            });
+            sky.sample(&wavelengths, &beams.collect::<Vec<_>>())
+        });
         SampledAppearance {
             materials: (self.materials.iter().zip(areas))
                 .map(|(material, area)| material.sample(&wavelengths, fresnel_entries, area))
                 .collect(),
             surface_material: self.surface_material.clone(),
-            lights: (self.lights.iter().zip(&geometry.lights))
-                .map(|(source, light)| source.sample(light, &wavelengths))
-                .collect(),
+            lights,
+            sky,
             wavelengths,
         }
     }
@@ -74,6 +99,9 @@ impl Appearance {
         let lights = self.lights.iter().zip(&geometry.lights);
         let lights =
             lights.map(|(source, light)| (&source.spectrum, light.flux_share() * source.factor(light)));
-        Spectrum::sum(surfaces.chain(lights))
+        // What comes in from the sky is as much as fell on a disc as wide as the scene.
+        let disc = PI * geometry.radius * geometry.radius;
+        let sky = self.sky.iter().map(|sky| (&sky.spectrum, disc * sky.shape.horizontal() * sky.factor()));
+        Spectrum::sum(surfaces.chain(lights).chain(sky))
     }
 }

@@ -5,8 +5,10 @@ use super::scatter::{Film, Scatterer};
 use super::sequence::draw;
 use super::wave::Wave;
 use crate::geometry::{Hit, Side};
-use crate::scene::{Geometry, SampledAppearance};
+use crate::scene::{Geometry, LightKind, SampledAppearance};
 use crate::tracers::{RayTracer, Segment};
+use crate::visibility::Passages;
+use glam::DVec3;
 
 /// Sets these numbers apart from those that choose a path.
 const OTHER_SEED: u32 = 0x9e37_79b9;
@@ -19,6 +21,8 @@ pub(super) struct Direct<'a> {
     lamps: Lamps,
     /// Lamps asked at every place.
     samples: u32,
+    /// Whether there are surfaces with two sides, which may be panes.
+    glazed: bool,
 }
 
 /// Segments to lamps, and the light that may come along them.
@@ -28,6 +32,8 @@ pub(super) struct Shadows {
     pixels: Vec<u32>,
     /// `[segments][W]`.
     light: Vec<f32>,
+    /// Segments along directional light, their number and both ends: panes may let it through.
+    beams: Vec<(usize, DVec3, DVec3)>,
     blocked: Vec<bool>,
     chances: Vec<f64>,
 }
@@ -41,7 +47,8 @@ impl<'a> Direct<'a> {
         samples: u32,
         bright: impl Fn(&[f32]) -> f64,
     ) -> Self {
-        Direct { geometry, appearance, tracer, lamps: Lamps::new(geometry, appearance, bright), samples }
+        let lamps = Lamps::new(geometry, appearance, bright);
+        Direct { geometry, appearance, tracer, lamps, samples, glazed: geometry.two_sided.contains(&true) }
     }
 
     /// Adds to the film what the lit places among those that the paths of `wave` meet reflect diffusely of the light of lamps.
@@ -53,17 +60,26 @@ impl<'a> Direct<'a> {
         shadows.segments.clear();
         shadows.pixels.clear();
         shadows.light.clear();
+        shadows.beams.clear();
         for k in film.lit.iter().map(|&k| k as usize) {
             if let Some(hit) = &hits[k] {
                 self.ask(scatterer, (wave, k), hit, film, &mut shadows);
             }
         }
-        let Shadows { segments, pixels, light, blocked, .. } = &mut shadows;
+        let Shadows { segments, pixels, light, beams, blocked, .. } = &mut shadows;
         film.stats.shadow_rays += segments.len() as u64;
         blocked.clear();
         blocked.resize(segments.len(), true);
         self.tracer.occluded_batch(segments, blocked);
         let w = self.appearance.wavelengths.len();
+        for &(k, from, to) in &*beams {
+            if blocked[k]
+                && let Some(through) = self.through(from, to)
+            {
+                light[k * w..][..w].iter_mut().zip(through).for_each(|(l, t)| *l *= t);
+                blocked[k] = false;
+            }
+        }
         for ((pixel, light), _) in
             pixels.iter().zip(light.chunks_exact(w)).zip(blocked).filter(|(_, blocked)| !**blocked)
         {
@@ -71,6 +87,12 @@ impl<'a> Direct<'a> {
             sum.iter_mut().zip(light).for_each(|(sum, l)| *sum += f64::from(*l));
         }
         film.shadows = shadows;
+    }
+
+    /// What panes let through of directional light; `None` where anything else is in the way.
+    fn through(&self, from: DVec3, to: DVec3) -> Option<Vec<f32>> {
+        let list = Passages::walk(self.geometry, self.tracer, from, to)?;
+        self.appearance.through(self.geometry, &list, (to - from).normalize())
     }
 
     fn ask(
@@ -106,6 +128,12 @@ impl<'a> Direct<'a> {
             let factor = (ask.weight / (std::f64::consts::PI * f64::from(self.samples))) as f32;
             let light = throughput.iter().zip(&material.diffuse).zip(emission);
             shadows.light.extend(light.map(|((t, rho), l)| factor * t * rho * l));
+            if let Source::Light(light) = ask.source
+                && self.glazed
+                && matches!(self.geometry.lights[light].kind, LightKind::Directional { .. })
+            {
+                shadows.beams.push((shadows.segments.len(), x, ask.to));
+            }
             shadows.pixels.push(path.pixel);
             shadows.segments.push(Segment { from: x.as_vec3(), to: ask.to.as_vec3() });
         }

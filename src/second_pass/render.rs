@@ -145,7 +145,7 @@ fn key(
     hasher.update(format!("{camera:?} {settings:?} {} ", tracer.name()).as_bytes());
     hasher.update(&scene.geometry.hash());
     hasher.update(format!("{:?} {:?} ", scene.geometry.centre, scene.geometry.patch).as_bytes());
-    hasher.update(format!("{:?} ", scene.appearance).as_bytes());
+    hasher.update(format!("{:?} {:?} ", scene.appearance, scene.geometry.lights).as_bytes());
     fields.hash(&mut hasher);
     *hasher.finalize().as_bytes()
 }

@@ -57,6 +57,8 @@ pub(super) struct Film {
     pub lit: Vec<u32>,
     /// Paths at places whose emission is still to be added.
     pub glowing: Vec<u32>,
+    /// Paths that left the scene and see the sky.
+    pub missed: Vec<u32>,
     /// Room for what lamps are asked.
     pub shadows: Shadows,
 }
@@ -76,6 +78,7 @@ impl Film {
             parted: Vec::new(),
             lit: Vec::new(),
             glowing: Vec::new(),
+            missed: Vec::new(),
             shadows: Shadows::default(),
         }
     }
@@ -143,8 +146,10 @@ impl<'a> Scatterer<'a> {
         film.going_on.clear();
         film.lit.clear();
         film.glowing.clear();
+        film.missed.clear();
         wide(Take { scatterer: self, wave, hits, film });
         let w = film.value.len();
+        self.see_sky(wave, film);
         if let Some(direct) = &self.ladder.direct {
             wave.spell_out(w);
             self.glow(wave, hits, film);
@@ -162,6 +167,20 @@ impl<'a> Scatterer<'a> {
             }
         }
         film.going_on = going_on;
+    }
+
+    /// Adds to the film what paths see that leave the scene.
+    fn see_sky(&self, wave: &Wave, film: &mut Film) {
+        let Some(sky) = &self.appearance.sky else { return };
+        let w = film.value.len();
+        for k in film.missed.iter().map(|&k| k as usize) {
+            let sums = film.radiance[wave.pixel(k) * w..][..w].iter_mut();
+            let seen = sums.zip(sky.radiance(wave.rays[k].direction));
+            match wave.throughput.get(k * w..(k + 1) * w) {
+                None => seen.for_each(|(sum, l)| *sum += f64::from(l)),
+                Some(t) => seen.zip(t).for_each(|((sum, l), t)| *sum += f64::from(t * l)),
+            }
+        }
     }
 
     /// Adds to the film what the places emit that paths meet.

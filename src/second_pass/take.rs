@@ -107,6 +107,10 @@ impl Take<'_, '_> {
             };
             let Some(hit) = &hits[k] else {
                 film.stats.missed_rays += 1;
+                // What hemisphere rays would see of the sky is part of the field at their start.
+                if scatterer.appearance.sky.is_some() && bounces == 0 {
+                    film.missed.push(k as u32);
+                }
                 continue;
             };
             let manner = scatterer.manners[hit.surface.index()];

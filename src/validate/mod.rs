@@ -7,6 +7,7 @@
 mod cie171;
 mod colours;
 mod cook_torrance;
+mod daylight;
 mod enclosures;
 mod expected;
 mod form_factors;
@@ -143,11 +144,12 @@ impl Group {
 /// Those of the pipeline: a check that cannot be carried out at all is no check.
 pub fn run(tracer: TracerChoice, observer: &dyn Observer) -> Result<Vec<Group>> {
     type Checks = fn(TracerChoice) -> Result<Vec<Case>>;
-    let subjects: [(&'static str, Checks); 9] = [
+    let subjects: [(&'static str, Checks); 10] = [
         ("Form factors", form_factors::run),
         ("CIE 171:2006, analytical cases", cie171::run),
         ("Furnaces and enclosures", enclosures::run),
         ("Photometry", photometry::run),
+        ("Sun and sky", daylight::run),
         ("Cook-Torrance reflection", |_| cook_torrance::run()),
         ("Fresnel factors", |_| fresnel::run()),
         ("Colours", |_| colours::run()),

@@ -11,7 +11,7 @@ use crate::pipeline::{self, Prepared};
 use crate::points::Sampling;
 use crate::scene::{
     Appearance, Distribution, Geometry, Light, LightKind, LightLevel, LightSource, MaterialId, ObjectId,
-    SampledAppearance, Sensor,
+    SampledAppearance, Sensor, Sky, SkyLevel, SkyShape,
 };
 use crate::settings::Settings;
 use crate::spectrum::Spectrum;
@@ -26,7 +26,8 @@ pub struct Model {
     max_area: Vec<f64>,
     worn: Vec<MaterialId>,
     materials: Vec<Material>,
-    lights: Vec<(DVec3, Distribution, LightSource)>,
+    lights: Vec<(LightKind, LightSource)>,
+    sky: Option<Sky>,
 }
 
 /// A scene with its light.
@@ -88,7 +89,23 @@ impl Model {
         spectrum: Spectrum,
         level: LightLevel,
     ) {
-        self.lights.push((DVec3::from_array(position), distribution, LightSource { spectrum, level }));
+        let kind = LightKind::Point { position: DVec3::from_array(position), distribution };
+        self.lights.push((kind, LightSource { spectrum, level }));
+    }
+
+    /// Adds white parallel light of this illuminance that comes from a direction.
+    pub fn sun(&mut self, from: DVec3, illuminance: f64) {
+        let spectrum = Spectrum::Constant(1.0);
+        let kind = LightKind::Directional { from, radius: 0.0, reach: 0.0 };
+        self.lights.push((kind, LightSource { spectrum, level: LightLevel::Illuminance(illuminance) }));
+    }
+
+    /// Puts the scene under a white sky of a type, with the zenith along z, the sun at an elevation over x, and black ground.
+    pub fn sky(&mut self, kind: u8, elevation_deg: f64, level: SkyLevel) {
+        let (sin, cos) = elevation_deg.to_radians().sin_cos();
+        let shape = SkyShape { up: DVec3::Z, sun: DVec3::new(cos, 0.0, sin), kind };
+        let (spectrum, ground) = (Spectrum::Constant(1.0), Spectrum::Constant(0.0));
+        self.sky = Some(Sky { shape, spectrum, level, ground });
     }
 
     /// Prepares and lights the scene.
@@ -100,12 +117,18 @@ impl Model {
         let mut geometry = Geometry::new(shapes.collect(), vec!["validation".into()]);
         geometry.max_area = self.max_area.iter().map(|&a| Some(a)).collect();
         let mut lights = Vec::new();
-        for (position, distribution, source) in self.lights {
-            let (name, position) = (format!("light {}", lights.len()), position - geometry.centre);
-            geometry.lights.push(Light { name, kind: LightKind::Point { position, distribution } });
+        geometry.zenith = self.sky.as_ref().map(|sky| sky.shape.up);
+        for (mut kind, source) in self.lights {
+            match &mut kind {
+                LightKind::Point { position, .. } => *position -= geometry.centre,
+                LightKind::Directional { reach, .. } => *reach = 1.01 * geometry.radius,
+            }
+            let name = format!("light {}", lights.len());
+            geometry.lights.push(Light { name, kind });
             lights.push(source);
         }
-        let appearance = Appearance { materials: self.materials, surface_material: self.worn, lights };
+        let appearance =
+            Appearance { materials: self.materials, surface_material: self.worn, lights, sky: self.sky };
         let sampling = Sampling::by_area(f64::MAX);
         let prepared = {
             let tracer = tracers::choose(settings.tracer, &geometry)?;

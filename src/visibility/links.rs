@@ -179,9 +179,9 @@ impl Links {
         self.cluster[range.clone()].iter().map(|&c| c as usize).zip(self.share[range].iter().copied())
     }
 
-    /// Whether light `light` reaches point `i`.
-    pub fn lit(&self, light: usize, i: usize) -> bool {
-        self.lights.lit(light, i)
+    /// What the points see of the lights and the sky.
+    pub fn lights(&self) -> &LightSight {
+        &self.lights
     }
 
     /// Whether it is known what the lights of `geometry` reach.

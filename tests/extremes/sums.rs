@@ -64,6 +64,7 @@ fn the_light_of_a_million_elements() {
         wavelengths,
         surface_material: (0..7).map(|i| MaterialId(i / 6)).collect(),
         lights: Vec::new(),
+        sky: None,
     };
     let solution = solve(&geometry, &points, &graph, &appearance, &FirstPassSettings::default(), &Silent)
         .expect("light");

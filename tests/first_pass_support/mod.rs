@@ -135,6 +135,7 @@ impl TestScene {
             materials,
             surface_material: quads.iter().map(|q| MaterialId(q.1 as u32)).collect(),
             lights: Vec::new(),
+            sky: None,
         };
         TestScene { geometry, points, graph, appearance }
     }

@@ -137,7 +137,12 @@ fn scene(furniture: Furniture, size: DVec3) -> Scene {
     };
     Scene {
         sampling: Sampling::by_area(geometry.surfaces.iter().map(|s| s.area).sum::<f64>() / 1500.0),
-        appearance: Appearance { materials: materials.into(), surface_material: worn, lights: Vec::new() },
+        appearance: Appearance {
+            materials: materials.into(),
+            surface_material: worn,
+            lights: Vec::new(),
+            sky: None,
+        },
         geometry,
         cameras: vec![camera],
         sensors: Vec::new(),
