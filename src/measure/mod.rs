@@ -17,6 +17,7 @@ mod settings;
 mod specular;
 
 pub use csv::{Row, write_csv};
+pub(crate) use place::Place;
 pub use settings::MeasureSettings;
 
 use crate::error::{Error, Result};

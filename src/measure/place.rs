@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 const ON_SURFACE: f64 = 1e-4;
 
 /// A sensor ready to look.
-pub(super) struct Place {
+pub(crate) struct Place {
     /// Relative to the scene's centre, just above the surface that the sensor lies on, m.
     pub position: DVec3,
     /// Unit.

@@ -137,19 +137,25 @@ fn channel_names(nm: &[f64]) -> Vec<String> {
 /// Reads R, G, B of the first layer of `path`, of whatever origin. The values are taken as they
 /// are. Errors: [`Error::Io`] with the path and the reason.
 pub fn read(path: &Path) -> Result<LinearImage> {
+    Ok(read_with_noise(path)?.0)
+}
+
+/// [`read`], and the channel that [`write_with_noise`] adds, where the file has it.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with_noise(path: &Path) -> Result<(LinearImage, Option<Vec<f32>>)> {
     let image = read_first_flat_layer_from_file(path).map_err(|e| match e {
         ::exr::error::Error::Io(e) => Error::io(path, atomic_file::explain(&e)),
         e => Error::io(path, format!("not an OpenEXR file that can be read: {e}")),
     })?;
     let layer = image.layer_data;
+    let find = |name: &str| {
+        let found = layer.channel_data.list.iter().find(|c| c.name.eq(name));
+        found.map(|c| c.sample_data.values_as_f32().collect::<Vec<f32>>())
+    };
     let channel = |name: &str| {
-        layer
-            .channel_data
-            .list
-            .iter()
-            .find(|c| c.name.eq(name))
-            .map(|c| c.sample_data.values_as_f32().collect::<Vec<f32>>())
-            .ok_or_else(|| Error::io(path, format!("the first layer has no channel {name}")))
+        find(name).ok_or_else(|| Error::io(path, format!("the first layer has no channel {name}")))
     };
     let [r, g, b] = [channel("R")?, channel("G")?, channel("B")?];
     if r.len() != layer.size.area() || g.len() != r.len() || b.len() != r.len() {
@@ -159,7 +165,8 @@ pub fn read(path: &Path) -> Result<LinearImage> {
         return Err(Error::io(path, "the image is too large"));
     };
     let rgb = r.into_iter().zip(g).zip(b).flat_map(|((r, g), b)| [r, g, b]).collect();
-    Ok(LinearImage { width, height, rgb })
+    let noise = find("noise.Y").filter(|noise| noise.len() == layer.size.area());
+    Ok((LinearImage { width, height, rgb }, noise))
 }
 
 #[cfg(test)]

@@ -231,7 +231,7 @@ impl Tracing<'_> {
 }
 
 /// Weight of the first of two ways to find a path, by their densities (power heuristic).
-fn power(own: f64, other: f64) -> f64 {
+pub fn power(own: f64, other: f64) -> f64 {
     let ratio = other / own;
     // Where the other way is infinitely denser nothing is left.
     1.0 / (1.0 + ratio * ratio)

@@ -11,7 +11,10 @@
 mod bsdf;
 mod emitters;
 mod events;
+mod irradiance;
 mod path;
+
+pub use irradiance::{SensorReference, irradiance};
 
 use crate::error::{Error, Result};
 use crate::observer::Observer;
@@ -19,7 +22,7 @@ use crate::scene::{Camera, Geometry, SampledAppearance};
 use crate::second_pass::SpectralImage;
 use crate::tracers::RayTracer;
 use emitters::Emitters;
-use path::{Replicate, Tracing};
+use path::{Eye, Replicate, Tracing};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::time::Instant;
@@ -82,20 +85,12 @@ pub fn render(
 ) -> Result<Reference> {
     let start = Instant::now();
     camera.check()?;
-    if settings.samples == 0 || settings.samples > 1 << 20 {
-        return Err(Error::Settings(format!(
-            "samples a pixel ({}) must lie between 1 and {}",
-            settings.samples,
-            1 << 20
-        )));
-    }
-    if appearance.surface_material.len() != geometry.surfaces.len() {
-        return Err(Error::Settings("the appearance does not belong to this geometry".into()));
-    }
+    check(geometry, appearance, settings)?;
     let replicates = settings.samples.min(REPLICATES);
     let each = settings.samples.div_ceil(replicates);
     let emitters = Emitters::new(geometry, appearance);
-    let tracing = Tracing::new(geometry, appearance, camera, tracer, &emitters, settings.seed);
+    let tracing = Tracing::new(geometry, appearance, tracer, &emitters, settings.seed);
+    let eye = Eye::new(geometry, camera);
     let [width, height] = camera.resolution;
     let pixels = width as usize * height as usize;
     let w = appearance.wavelengths.len();
@@ -105,7 +100,7 @@ pub fn render(
         .into_par_iter()
         .map(|task| {
             let first = task * PIXELS;
-            let part = part(&tracing, first..pixels.min(first + PIXELS), replicates, each);
+            let part = part(&tracing, &eye, first..pixels.min(first + PIXELS), replicates, each);
             observer.advance(1);
             part
         })
@@ -139,6 +134,25 @@ pub fn render(
     Ok(Reference { image, noise, stats })
 }
 
+/// Whether the parts belong together and can be used.
+fn check(
+    geometry: &Geometry,
+    appearance: &SampledAppearance,
+    settings: &ReferenceSettings,
+) -> Result<()> {
+    if settings.samples == 0 || settings.samples > 1 << 20 {
+        return Err(Error::Settings(format!(
+            "samples a pixel ({}) must lie between 1 and {}",
+            settings.samples,
+            1 << 20
+        )));
+    }
+    if appearance.surface_material.len() != geometry.surfaces.len() {
+        return Err(Error::Settings("the appearance does not belong to this geometry".into()));
+    }
+    Ok(())
+}
+
 /// Some pixels of the image.
 struct Part {
     radiance: Vec<f32>,
@@ -149,14 +163,20 @@ struct Part {
 }
 
 /// Renders some pixels, one replicate after the other.
-fn part(tracing: &Tracing, pixels: std::ops::Range<usize>, replicates: u32, each: u32) -> Part {
+fn part(
+    tracing: &Tracing,
+    eye: &Eye,
+    pixels: std::ops::Range<usize>,
+    replicates: u32,
+    each: u32,
+) -> Part {
     let w = tracing.wavelengths();
     let count = pixels.len();
     let mut sums = vec![0.0; count * w];
     let (mut mean, mut squares) = (vec![0.0; count], vec![0.0; count]);
     let mut part = Part { radiance: Vec::new(), noise: Vec::new(), rays: 0, shadow_rays: 0, longest: 0 };
     for number in 0..replicates {
-        let replicate = Replicate::trace(tracing, pixels.clone(), number, each);
+        let replicate = Replicate::trace(tracing, eye, pixels.clone(), number, each);
         part.rays += replicate.rays;
         part.shadow_rays += replicate.shadow_rays;
         part.longest = part.longest.max(replicate.longest);

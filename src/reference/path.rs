@@ -25,8 +25,6 @@ pub struct Tracing<'a> {
     pub appearance: &'a SampledAppearance,
     pub tracer: &'a dyn RayTracer,
     pub emitters: &'a Emitters,
-    pub view: View,
-    pub width: usize,
     pub seed: u32,
     /// How far above a surface rays start, by surface, m.
     pub offset: Vec<f64>,
@@ -36,6 +34,19 @@ pub struct Tracing<'a> {
     pub luminance: Vec<f64>,
     /// Share of each wavelength where a path chooses, sum 1.
     pub brightness: Vec<f64>,
+}
+
+/// Where the paths of an image begin.
+pub struct Eye {
+    view: View,
+    width: usize,
+}
+
+impl Eye {
+    /// Of a camera.
+    pub fn new(geometry: &Geometry, camera: &Camera) -> Self {
+        Eye { view: camera.view(geometry.centre), width: camera.resolution[0] as usize }
+    }
 }
 
 /// One image of independent randomness, as far as some pixels go.
@@ -82,7 +93,7 @@ pub struct Wave {
 }
 
 impl Wave {
-    fn clear(&mut self) {
+    pub fn clear(&mut self) {
         self.rays.clear();
         self.paths.clear();
         self.throughput.clear();
@@ -90,11 +101,10 @@ impl Wave {
 }
 
 impl<'a> Tracing<'a> {
-    /// For one camera.
+    /// Of one scene.
     pub fn new(
         geometry: &'a Geometry,
         appearance: &'a SampledAppearance,
-        camera: &Camera,
         tracer: &'a dyn RayTracer,
         emitters: &'a Emitters,
         seed: u32,
@@ -110,8 +120,6 @@ impl<'a> Tracing<'a> {
             appearance,
             tracer,
             emitters,
-            view: camera.view(geometry.centre),
-            width: camera.resolution[0] as usize,
             seed,
             inset: surfaces().zip(&offset).map(|(s, offset)| inset(geometry, s, *offset)).collect(),
             offset,
@@ -172,28 +180,47 @@ pub fn uniform(path: &Path, set: u32) -> [f64; 4] {
     sobol_burley::sample_4d(path.index, set % sobol_burley::NUM_DIMENSION_SETS_4D, seed).map(f64::from)
 }
 
+/// The seed of a pixel's or a sensor's paths in one replicate.
+pub fn seed_of(tracing: &Tracing, pixel: usize, number: u32) -> u32 {
+    mix(pixel as u32 ^ mix(tracing.seed.wrapping_add(mix(number + 1))))
+}
+
 /// Scatters the bits of a number (the finaliser of MurmurHash3).
-fn mix(mut x: u32) -> u32 {
+pub fn mix(mut x: u32) -> u32 {
     x = (x ^ x >> 16).wrapping_mul(0x85eb_ca6b);
     x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
     x ^ x >> 16
 }
 
 impl Replicate {
+    /// Of nothing yet, for so many pixels.
+    pub fn dark(tracing: &Tracing, pixels: usize) -> Replicate {
+        Replicate {
+            radiance: vec![0.0; pixels * tracing.wavelengths()],
+            rays: 0,
+            shadow_rays: 0,
+            longest: 0,
+        }
+    }
+
     /// Traces `samples` paths of each of `pixels`.
-    pub fn trace(tracing: &Tracing, pixels: Range<usize>, number: u32, samples: u32) -> Replicate {
+    pub fn trace(
+        tracing: &Tracing,
+        eye: &Eye,
+        pixels: Range<usize>,
+        number: u32,
+        samples: u32,
+    ) -> Replicate {
         let w = tracing.wavelengths();
-        let mut replicate =
-            Replicate { radiance: vec![0.0; pixels.len() * w], rays: 0, shadow_rays: 0, longest: 0 };
-        let seed = |pixel: usize| mix(pixel as u32 ^ mix(tracing.seed.wrapping_add(mix(number + 1))));
+        let mut replicate = Replicate::dark(tracing, pixels.len());
         let (mut wave, mut next) = (Wave::default(), Wave::default());
         for index in 0..samples {
             wave.clear();
             for (k, pixel) in pixels.clone().enumerate() {
-                let seed = seed(pixel);
+                let seed = seed_of(tracing, pixel, number);
                 let [dx, dy, ..] = sobol_burley::sample_4d(index, 0, seed).map(f64::from);
-                let (x, y) = (pixel % tracing.width, pixel / tracing.width);
-                let ray = tracing.view.ray(x as f64 + dx, y as f64 + dy);
+                let (x, y) = (pixel % eye.width, pixel / eye.width);
+                let ray = eye.view.ray(x as f64 + dx, y as f64 + dy);
                 wave.rays.push(Ray { t_min: NEAR * tracing.geometry.radius, ..ray });
                 wave.paths.push(Path {
                     pixel: k as u32,
@@ -206,13 +233,18 @@ impl Replicate {
                 });
             }
             wave.throughput.resize(wave.rays.len() * w, 1.0);
-            while !wave.rays.is_empty() {
-                replicate.advance(tracing, &mut wave, &mut next);
-                std::mem::swap(&mut wave, &mut next);
-            }
+            replicate.follow(tracing, &mut wave, &mut next);
         }
         replicate.radiance.iter_mut().for_each(|l| *l /= f64::from(samples));
         replicate
+    }
+
+    /// Follows all paths of `wave` to their ends.
+    pub fn follow(&mut self, tracing: &Tracing, wave: &mut Wave, next: &mut Wave) {
+        while !wave.rays.is_empty() {
+            self.advance(tracing, wave, next);
+            std::mem::swap(wave, next);
+        }
     }
 
     /// Traces all rays of `wave`, gathers what they find, and fills `next` with those that follow.

@@ -99,7 +99,7 @@ impl Size {
 }
 
 /// Runs `stage` and notes what it cost.
-pub(super) fn timed<T>(cost: &mut Cost, stage: impl FnOnce() -> T) -> T {
+pub(in crate::report) fn timed<T>(cost: &mut Cost, stage: impl FnOnce() -> T) -> T {
     reset_peak_memory();
     let (clock, cpu_s) = (Instant::now(), processor_s());
     let product = stage();
