@@ -35,6 +35,8 @@ pub enum Command {
     Validate(Validate),
     /// Time every stage of a scene beside its ceiling
     Bench(Bench),
+    /// Turn one knob after the other, and hold time and error against a judge: CSV, plots, the Pareto front
+    Tradeoff(Tradeoff),
 }
 
 /// `render`
@@ -388,6 +390,44 @@ pub struct BenchHall {
     /// meyer4, or how many bands from 380 to 780 nm
     #[arg(long, value_name = "meyer4|N", default_value = "4")]
     pub wavelengths: String,
+    /// Ray tracer
+    #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
+    pub tracer: TracerArg,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// `tradeoff`
+#[derive(Debug, Args)]
+pub struct Tradeoff {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Folder for tradeoff.csv, the plots and the judge; made if it is not there. What an earlier run measured there
+    /// under the same conditions is not measured again
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Camera of the scene file [default: its first]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height of the image in pixels [default: the camera's, scaled to 20,000 pixels, or 5,000 with --quick]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Turn few knobs, on a small image before a noisier judge
+    #[arg(long)]
+    pub quick: bool,
+    /// An image that counts as true but for its channel noise.Y, as `reference` writes it [default: one is made]
+    #[arg(long, value_name = "JUDGE.exr", conflicts_with = "judge_samples")]
+    pub reference: Option<PathBuf>,
+    /// Paths a pixel of the judge [default: 4096, or 512 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1048576))]
+    pub judge_samples: Option<u32>,
+    /// Leave out settings whose graph and first pass are expected to take longer, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    pub longest: f64,
     /// Ray tracer
     #[arg(long, value_enum, default_value_t = TracerArg::Auto)]
     pub tracer: TracerArg,

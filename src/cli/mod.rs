@@ -13,6 +13,7 @@ mod relight;
 mod render;
 mod run;
 pub mod say;
+mod tradeoff;
 mod validate;
 
 use args::{BenchWhat, Cli, Command};
@@ -30,6 +31,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),
         Command::Info(args) => info::run(&args),
         Command::Validate(args) => with_threads(args.threads, || validate::run(&args)),
+        Command::Tradeoff(args) => with_threads(args.threads, || tradeoff::run(&args)),
         Command::Bench(args) => match &args.what {
             None => with_threads(args.stages.threads, || bench::stages(&args.stages)),
             Some(BenchWhat::Paper { scene, tracer, threads, report }) => {

@@ -47,7 +47,7 @@ pub fn write(path: &Path, image: &SpectralImage, exposure: Exposure) -> Result<f
 }
 
 /// The luminance that a PNG of `image` at automatic exposure shows as full white, cd m⁻².
-pub(super) fn white_of(image: &LinearImage) -> f64 {
+pub(crate) fn white_of(image: &LinearImage) -> f64 {
     REFERENCE_LUMINANCE / auto_ev(image).exp2()
 }
 

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod machine;
 pub mod paper_tables;
+pub mod tradeoff;
 pub mod wavelength_table;
 
 pub use machine::{Machine, peak_memory_bytes, processor_s, reset_peak_memory};

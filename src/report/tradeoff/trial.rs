@@ -1,0 +1,206 @@
+//! Running trials, one after the other.
+
+use super::judge::Judge;
+use super::knobs::Trial;
+use super::sensors::{self, Worst};
+use super::table::Row;
+use crate::error::Result;
+use crate::first_pass::DiffuseSolution;
+use crate::observer::Observer;
+use crate::pipeline::{self, Prepared};
+use crate::points;
+use crate::report::bench::scale::{Cost, timed};
+use crate::scene::{Camera, SampledAppearance, Scene, Sensor};
+use crate::second_pass::SecondPassSettings;
+use crate::tracers::RayTracer;
+use crate::voxels::Voxels;
+
+/// Without a measurement, time grows with the points as this power of their number.
+const GROWTH: f64 = 2.0;
+
+/// A scene, a camera and a judge; keeps the points and the solution of the last trial for the next.
+pub struct Bench<'a> {
+    scene: &'a Scene,
+    camera: &'a Camera,
+    tracer: &'a dyn RayTracer,
+    judge: &'a Judge,
+    sensors: Vec<Sensor>,
+    longest_s: f64,
+    prepared: Option<Kept<Prepared>>,
+    lit: Option<Kept<Lit>>,
+    /// Points, and how long graph and first pass took.
+    taken: Vec<(usize, f64)>,
+}
+
+/// What a first pass gives, and what sensors read of it.
+struct Lit {
+    light: (SampledAppearance, DiffuseSolution),
+    worst: Option<Worst>,
+}
+
+/// A product of an earlier trial.
+struct Kept<T> {
+    key: String,
+    product: T,
+    cost: Cost,
+}
+
+/// What became of a trial.
+#[derive(Debug)]
+pub enum Outcome {
+    /// It was measured.
+    Measured(Box<Row>),
+    /// It was left out: it would take about so long, s.
+    TooLong(f64),
+}
+
+impl<'a> Bench<'a> {
+    /// Trials whose graph and first pass are expected to take more than `longest_s` are left out.
+    pub fn new(
+        (scene, camera): (&'a Scene, &'a Camera),
+        tracer: &'a dyn RayTracer,
+        judge: &'a Judge,
+        longest_s: f64,
+    ) -> Self {
+        let all = sensors::all(scene);
+        let sensors = judge.sensors.iter().filter_map(|j| all.get(j.number).cloned()).collect();
+        Bench { scene, camera, tracer, judge, sensors, longest_s, prepared: None, lit: None, taken: Vec::new() }
+    }
+
+    /// Tells rows of this bench from others.
+    pub fn key(&self, trial: &Trial) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+        let threads = rayon::current_num_threads();
+        hasher.update(format!("{} {} {threads} ", self.judge.key, self.tracer.name()).as_bytes());
+        hasher.update(trial.key().as_bytes());
+        hasher.finalize().to_hex()[..16].to_owned()
+    }
+
+    /// Measures a trial.
+    ///
+    /// # Errors
+    /// Those of [`pipeline`].
+    pub fn run(&mut self, trial: &Trial, observer: &dyn Observer) -> Result<Outcome> {
+        let geometry = &self.scene.geometry;
+        if let Some(s) = self.expected(trial)?.filter(|s| *s > self.longest_s) {
+            return Ok(Outcome::TooLong(s));
+        }
+        let key = trial.key_of_points();
+        if self.prepared.as_ref().is_none_or(|kept| kept.key != key) {
+            (self.prepared, self.lit) = (None, None);
+            let mut cost = Cost::default();
+            let (sampling, settings) = (&trial.sampling, &trial.settings);
+            let product = timed(&mut cost, || {
+                pipeline::prepare(geometry, sampling, settings, self.tracer, None, observer)
+            })?;
+            self.prepared = Some(Kept { key, product, cost });
+        }
+        let Some(prepared) = &self.prepared else { unreachable!("prepared above") };
+        let key = trial.key_of_light();
+        if self.lit.as_ref().is_none_or(|kept| kept.key != key) {
+            self.lit = None;
+            let mut cost = Cost::default();
+            let (appearance, settings) = (&self.scene.appearance, &trial.settings);
+            let light = timed(&mut cost, || {
+                pipeline::light(geometry, &prepared.product, appearance, settings, observer)
+            })?;
+            let worst = self.worst(trial, &prepared.product, &light, observer)?;
+            self.taken.push((prepared.product.points.len(), prepared.cost.s + cost.s));
+            self.lit = Some(Kept { key, product: Lit { light, worst }, cost });
+        }
+        let Some(lit) = &self.lit else { unreachable!("lit above") };
+        let row = self.view(trial, prepared, lit, observer)?;
+        Ok(Outcome::Measured(Box::new(row)))
+    }
+
+    /// The second pass under two seeds, and what the images are wrong by.
+    fn view(
+        &self,
+        trial: &Trial,
+        prepared: &Kept<Prepared>,
+        lit: &Kept<Lit>,
+        observer: &dyn Observer,
+    ) -> Result<Row> {
+        let mut costs = [Cost::default(); 2];
+        let mut render = |seed: usize| {
+            let settings = SecondPassSettings { seed: seed as u32, ..trial.settings.second_pass };
+            let (image, _) = timed(&mut costs[seed], || {
+                let (geometry, prepared) = (&self.scene.geometry, &prepared.product);
+                let light = &lit.product.light;
+                pipeline::view(geometry, prepared, light, self.camera, self.tracer, &settings, observer)
+            })?;
+            Ok(image.to_linear())
+        };
+        let errors = self.judge.judged.errors(&[render(0)?, render(1)?])?;
+        let second_pass_s = costs[0].s.min(costs[1].s);
+        let second_pass_cpu_s = 0.5 * (costs[0].cpu_s + costs[1].cpu_s);
+        let worst = lit.product.worst.as_ref();
+        Ok(Row {
+            knob: trial.knob.clone(),
+            value: trial.value.clone(),
+            on_front: false,
+            points: prepared.product.points.len(),
+            wavelengths: trial.settings.wavelengths.len(),
+            samples: trial.settings.second_pass.samples,
+            graph_s: prepared.cost.s,
+            first_pass_s: lit.cost.s,
+            second_pass_s,
+            total_s: prepared.cost.s + lit.cost.s + second_pass_s,
+            processor_s: prepared.cost.cpu_s + lit.cost.cpu_s + second_pass_cpu_s,
+            peak_memory_bytes: [prepared.cost, lit.cost, costs[0], costs[1]]
+                .map(|c| c.peak_memory_bytes)
+                .into_iter()
+                .fold(0, u64::max),
+            rmse: errors.rmse,
+            rmse_low: errors.rmse_low,
+            rmse_high: errors.rmse_high,
+            systematic: errors.systematic,
+            noise: errors.noise,
+            mean: errors.mean,
+            delta_e_mean: errors.delta_e_mean,
+            delta_e_95: errors.delta_e_95,
+            delta_e_judge: self.judge.judged.delta_e_of_noise(),
+            judge_noise: self.judge.judged.relative_noise(),
+            worst_sensor: worst.map(|w| w.name.clone()),
+            worst_sensor_error: worst.map(|w| w.error),
+            worst_sensor_judge_noise: worst.map(|w| w.judge_noise),
+            key: self.key(trial),
+        })
+    }
+
+    /// The sensor that is most wrong under this light.
+    fn worst(
+        &self,
+        trial: &Trial,
+        prepared: &Prepared,
+        light: &(SampledAppearance, DiffuseSolution),
+        observer: &dyn Observer,
+    ) -> Result<Option<Worst>> {
+        if self.sensors.is_empty() {
+            return Ok(None);
+        }
+        let (geometry, settings) = (&self.scene.geometry, &trial.settings.measure);
+        let readings =
+            pipeline::measure(geometry, prepared, light, &self.sensors, self.tracer, settings, observer)?;
+        let totals: Vec<Vec<f64>> = readings.iter().map(|r| r.total()).collect();
+        let totals = totals.iter().map(Vec::as_slice);
+        Ok(sensors::worst(&self.judge.sensors, totals, &light.0.wavelengths))
+    }
+
+    /// How long graph and first pass of a trial will take, s, going by earlier ones with fewer points; `None` without any.
+    fn expected(&self, trial: &Trial) -> Result<Option<f64>> {
+        let (geometry, factor) = (&self.scene.geometry, trial.settings.area_factor);
+        let sampling = points::Sampling { area_factor: factor, ..trial.sampling };
+        let voxels = Voxels::build(geometry, &trial.settings.voxels);
+        let n = points::sample(geometry, &sampling, &voxels)?.len();
+        let Some(&(last, s)) = self.taken.iter().filter(|t| t.0 <= n).max_by_key(|t| t.0) else {
+            return Ok(None);
+        };
+        let before = self.taken.iter().filter(|t| 2 * t.0 <= 3 * last / 2).max_by_key(|t| t.0);
+        let growth = before.map_or(GROWTH, |&(fewer, less)| {
+            (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln()
+        });
+        Ok(Some(s * (n as f64 / last as f64).powf(growth.max(GROWTH))))
+    }
+}
