@@ -60,6 +60,7 @@ pub mod second_pass;
 pub mod settings;
 mod simd;
 pub mod spectrum;
+pub mod target;
 pub mod tracers;
 pub mod validate;
 pub mod visibility;

@@ -240,3 +240,60 @@ fn a_reader_that_leaves_early_does_no_harm() {
     assert!(output.status.success() && !error.contains("panicked"), "{error}");
     assert!(report.exists(), "what was asked for is written all the same");
 }
+
+#[test]
+fn tradeoff_measures_once_and_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, report) = (folder.path().join("t"), folder.path().join("t.json"));
+    let args = [
+        "tradeoff",
+        "scenes/cornell_box.toml",
+        "--quick",
+        "--size",
+        "12x12",
+        "--judge-samples",
+        "32",
+        "--report",
+        text(&report),
+        "-o",
+        text(&out),
+    ];
+    let said = succeed(&args);
+    assert!(said.contains("judge: noise") && said.contains("Pareto"), "{said}");
+    let csv = std::fs::read_to_string(out.join("tradeoff.csv")).unwrap();
+    let rows = csv.lines().count() - 1;
+    assert!(rows > 12 && csv.contains(",true,"), "{csv}");
+    for name in ["judge.exr", "luminance.svg", "luminance.png", "colour.svg", "colour.png"] {
+        assert!(out.join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+    let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    assert_eq!(json["rows"].as_array().unwrap().len(), rows);
+
+    // A run that was interrupted after five rows keeps them, with the times they took.
+    let lines: Vec<&str> = csv.lines().collect();
+    std::fs::write(out.join("tradeoff.csv"), lines[..6].join("\n")).unwrap();
+    let again = succeed(&args);
+    assert!(again.contains("judge of an earlier run"), "{again}");
+    let after = std::fs::read_to_string(out.join("tradeoff.csv")).unwrap();
+    assert_eq!(after.lines().count() - 1, rows);
+    let times = |line: &str| line.split(',').rev().take(12).map(str::to_owned).collect::<Vec<_>>();
+    for (before, after) in lines[1..6].iter().zip(after.lines().skip(1)) {
+        assert_eq!(times(before), times(after));
+    }
+
+    let wrong = fail(
+        2,
+        &[
+            "tradeoff",
+            "scenes/cornell_box.toml",
+            "-o",
+            text(&out),
+            "--size",
+            "8x9",
+            "--reference",
+            text(&out.join("judge.exr")),
+        ],
+    );
+    assert!(wrong.contains("12 x 12"), "{wrong}");
+    fail(1, &["tradeoff", "scenes/cornell_box.toml", "-o", text(&out.join("tradeoff.csv"))]);
+}

@@ -6,8 +6,8 @@ use first_pass_support::*;
 use glam::DVec3;
 use luxgraph::first_pass::FirstPassSettings;
 use luxgraph::observer::Silent;
-use luxgraph::reference::{Reference, ReferenceSettings, render};
-use luxgraph::scene::{Camera, Distribution, Light, LightKind};
+use luxgraph::reference::{Reference, ReferenceSettings, irradiance, render};
+use luxgraph::scene::{Camera, Distribution, Light, LightKind, Sensor};
 use luxgraph::second_pass::{self, Interpolator, LitScene, SecondPassSettings};
 use luxgraph::tracers::VoxelTracer;
 use std::f64::consts::PI;
@@ -188,4 +188,32 @@ fn what_cannot_be_rendered_is_refused() {
     assert!(render(&scene.geometry, &stranger, &view, &tracer, &some, &Silent).is_err());
     let one = render(&scene.geometry, &scene.appearance, &view, &tracer, &some, &Silent).unwrap();
     assert!(one.noise.is_empty() && one.stats.relative_noise.is_none());
+}
+
+#[test]
+fn a_sensor_in_a_furnace_reads_pi_times_its_radiance() {
+    // Light from everywhere alike, however it is found: asked for or met, straight or reflected.
+    let mut quads = cube([0; 6]);
+    quads.extend(block(DVec3::splat(0.4), DVec3::splat(0.7), 1, false));
+    let materials = vec![diffuse(0.7, 1.0), glossy(1.0, 1.0, 0.0, 0.0, 0.0)];
+    let scene = TestScene::new(&quads, materials, 1.0);
+    let tracer = VoxelTracer::new(&scene.geometry);
+    let sensor = |position: [f64; 3], normal: [f64; 3]| Sensor {
+        name: "s".into(),
+        position: position.into(),
+        normal: normal.into(),
+    };
+    // In the middle of nothing, and on a wall.
+    let sensors = [sensor([0.2, 0.3, 0.2], [0.3, -0.5, 0.9]), sensor([0.5, 0.0, 0.5], [0.0, 1.0, 0.0])];
+    let settings = ReferenceSettings { samples: 1 << 13, seed: 0 };
+    let found =
+        irradiance(&scene.geometry, &scene.appearance, &sensors, &tracer, &settings, &Silent).unwrap();
+    for found in &found {
+        let error = found.irradiance[0] / (PI / 0.3) - 1.0;
+        let noise = found.noise_lx.unwrap() / found.illuminance_lx;
+        println!("{error}, noise {noise}");
+        assert!(error.abs() < 4.0 * noise && noise < 0.01, "{error} {noise}");
+    }
+    let nowhere = sensor([0.5; 3], [0.0; 3]);
+    assert!(irradiance(&scene.geometry, &scene.appearance, &[nowhere], &tracer, &settings, &Silent).is_err());
 }

@@ -56,6 +56,14 @@ pub struct Render {
     /// Options common to render and relight.
     #[command(flatten)]
     pub options: Options,
+    /// Choose points, rung, wavelengths and samples so that luminance is wrong by this much at most (root mean square
+    /// over the pixels that show no lamp, of their mean), 2% for instance; what is reached is estimated and told.
+    /// --quality is where the choice begins; --second-pass and --wavelengths stay as they are given
+    #[arg(long, value_name = "SHARE", conflicts_with_all = ["within", "samples", "resume", "graph"])]
+    pub error: Option<String>,
+    /// The same for a time, 30s or 2min: as little wrong as can be had within it
+    #[arg(long, value_name = "TIME", conflicts_with_all = ["samples", "resume", "graph"])]
+    pub within: Option<String>,
     /// Go on with a render of the same scene and settings that was interrupted: its finished rows are in
     /// OUT.exr.partial
     #[arg(long)]
@@ -235,9 +243,9 @@ pub struct Options {
     /// Options of the light.
     #[command(flatten)]
     pub lighting: Lighting,
-    /// Where the second pass takes the diffuse light at a hit from
-    #[arg(long, value_enum, default_value_t = SecondPassArg::Interpolate)]
-    pub second_pass: SecondPassArg,
+    /// Where the second pass takes the diffuse light at a hit from [default: the preset's, interpolate in standard]
+    #[arg(long, value_enum)]
+    pub second_pass: Option<SecondPassArg>,
     /// Show the first pass alone (the paper's figures 7 and 8) or both (figure 9)
     #[arg(long, value_enum, default_value_t = PassesArg::Both)]
     pub passes: PassesArg,

@@ -62,6 +62,7 @@ pub fn run(args: &Relight) -> Result<()> {
             exposure,
             spectral: options.spectral,
             checkpoint: None,
+            target: None,
             started,
         };
         if !rearranged {

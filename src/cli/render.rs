@@ -2,11 +2,13 @@
 
 use super::args::Render;
 use super::progress::Bars;
-use super::run::{Job, Targets, camera, exposure, inputs, prepare, settings};
+use super::run::{Job, Targets, camera, exposure, inputs, note, prepare, settings};
+use super::say::{say, tell};
 use luxgraph::error::Result;
-use luxgraph::pipeline;
-use luxgraph::scene;
 use luxgraph::second_pass::Checkpoint;
+use luxgraph::target::{self, Fixed, Reached, Target};
+use luxgraph::{pipeline, scene, tracers};
+use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
@@ -16,6 +18,7 @@ pub fn run(args: &Render) -> Result<()> {
     let options = &args.options;
     let settings = settings(options)?;
     let exposure = exposure(&options.exposure)?;
+    let target = target(args)?;
     let exr = args.output.clone().unwrap_or_else(|| {
         Path::new(args.scene.file_stem().unwrap_or("image".as_ref())).with_extension("exr")
     });
@@ -26,12 +29,34 @@ pub fn run(args: &Render) -> Result<()> {
     let scene = scene::load_with_changes(&args.scene, &args.changes)?;
     let camera = camera(&scene, options.camera.as_deref(), options.size)?;
     let bars = Bars::new();
+    if let Some(target) = target {
+        note(&scene);
+        let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
+        let lighting = &options.lighting;
+        let fixed =
+            Fixed { rung: options.second_pass.is_some(), wavelengths: lighting.wavelengths.is_some() };
+        let view = (&scene, &camera);
+        let reached = target::render(view, tracer.as_ref(), &settings, (target, fixed), &bars)?;
+        tell_reached(target, &reached);
+        let job = Job {
+            scene: &scene,
+            sources: sources(args),
+            prepared: &reached.prepared,
+            camera: &camera,
+            settings: &reached.settings,
+            tracer: tracer.as_ref(),
+            exposure,
+            spectral: options.spectral,
+            checkpoint: None,
+            target: Some(report(target, &reached)),
+            started,
+        };
+        return job.write(&targets, &reached.light, &reached.image, reached.second_pass.clone());
+    }
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
-    let sources =
-        std::iter::once(&args.scene).chain(&args.changes).map(|p| p.display().to_string()).collect();
     let job = Job {
         scene: &scene,
-        sources,
+        sources: sources(args),
         prepared: &prepared,
         camera: &camera,
         settings: &settings,
@@ -39,8 +64,84 @@ pub fn run(args: &Render) -> Result<()> {
         exposure,
         spectral: options.spectral,
         checkpoint: Some(Checkpoint::beside(&targets.exr, args.resume)),
+        target: None,
         started,
     };
     let mut first_pass = pipeline::first_pass(&scene.geometry, &prepared, &settings, &bars)?;
     job.run(&targets, first_pass.as_mut(), &bars)
+}
+
+/// Scene file and changes, as named by the user.
+fn sources(args: &Render) -> Vec<String> {
+    std::iter::once(&args.scene).chain(&args.changes).map(|p| p.display().to_string()).collect()
+}
+
+/// What is asked for in place of settings, if anything.
+fn target(args: &Render) -> Result<Option<Target>> {
+    Ok(match (&args.error, &args.within) {
+        (Some(error), _) => Some(Target::parse_error(error)?),
+        (None, Some(time)) => Some(Target::parse_time(time)?),
+        (None, None) => None,
+    })
+}
+
+/// Says what was asked, what was reached and by which settings.
+fn tell_reached(target: Target, reached: &Reached) {
+    let (estimate, settings) = (&reached.estimate, &reached.settings);
+    for step in &reached.steps {
+        say!("{:>7} points, {:.2} s", step.points, step.light_s);
+    }
+    say!(
+        "chosen: {} points, {} wavelengths, second pass {:?}, {} samples a pixel",
+        reached.prepared.points.len(),
+        settings.wavelengths.len(),
+        settings.second_pass.rung,
+        settings.second_pass.samples
+    );
+    let percent = |share: f64| 100.0 * share;
+    let parts = format!(
+        "points {:.2}, wavelengths {:.2}, solver {:.3}, chains {:.3}, noise {:.2} %",
+        percent(estimate.points),
+        percent(estimate.wavelengths),
+        percent(estimate.solver),
+        percent(estimate.chains),
+        percent(estimate.noise)
+    );
+    let (found, took) = (percent(estimate.total), reached.total_s);
+    match target {
+        Target::Error(asked) => {
+            say!("error asked {:.2} %, estimated {found:.2} % ({parts}), in {took:.2} s", percent(asked));
+            if estimate.total > asked {
+                tell!(
+                    "note: the error asked for was not reached: more points or samples would be out of proportion"
+                );
+            }
+        }
+        Target::Within(asked) => {
+            say!("time asked {asked:.2} s, taken {took:.2} s; error estimated {found:.2} % ({parts})");
+            if took > asked {
+                tell!(
+                    "note: the time asked for was not enough for two levels of points and 4 samples a pixel, or misjudged"
+                );
+            }
+        }
+    }
+}
+
+/// The same for the report.
+fn report(target: Target, reached: &Reached) -> serde_json::Value {
+    #[derive(Serialize)]
+    struct Asked<'a> {
+        asked_error: Option<f64>,
+        asked_s: Option<f64>,
+        estimated_error: target::Estimate,
+        steps: &'a [target::Step],
+        taken_s: f64,
+    }
+    let (asked_error, asked_s) = match target {
+        Target::Error(error) => (Some(error), None),
+        Target::Within(s) => (None, Some(s)),
+    };
+    let (estimated_error, steps, taken_s) = (reached.estimate, &reached.steps[..], reached.total_s);
+    serde_json::json!(Asked { asked_error, asked_s, estimated_error, steps, taken_s })
 }

@@ -37,11 +37,13 @@ pub fn settings(options: &Options) -> Result<Settings> {
     if let Some(samples) = options.samples {
         settings.second_pass.samples = samples;
     }
-    settings.second_pass.rung = match options.second_pass {
-        SecondPassArg::Interpolate => Rung::Interpolate,
-        SecondPassArg::Direct => Rung::Direct,
-        SecondPassArg::Gather => Rung::Gather,
-    };
+    if let Some(rung) = options.second_pass {
+        settings.second_pass.rung = match rung {
+            SecondPassArg::Interpolate => Rung::Interpolate,
+            SecondPassArg::Direct => Rung::Direct,
+            SecondPassArg::Gather => Rung::Gather,
+        };
+    }
     ladder_samples(options, &mut settings.second_pass)?;
     settings.first_pass.parts = settings.second_pass.rung != Rung::Interpolate;
     settings.second_pass.passes = match options.passes {
@@ -297,6 +299,8 @@ pub struct Job<'a> {
     pub spectral: bool,
     /// Where finished rows are kept until the image is written.
     pub checkpoint: Option<Checkpoint>,
+    /// What was asked for in place of settings, for the report.
+    pub target: Option<serde_json::Value>,
     /// When the run began.
     pub started: Instant,
 }
@@ -335,18 +339,29 @@ impl Job<'_> {
             observer,
         )?;
         say!("second pass: {:.2} s, {} rays", stats.second_pass_s, stats.rays());
+        self.write(targets, &lit, &image, stats)
+    }
+
+    /// The files of an image.
+    pub fn write(
+        &self,
+        targets: &Targets,
+        lit: &(SampledAppearance, DiffuseSolution),
+        image: &SpectralImage,
+        stats: SecondPassStats,
+    ) -> Result<()> {
         let layers = output::exr::ExrOptions { xyz: self.spectral, spectral: self.spectral };
-        output::exr::write(&targets.exr, &image, &layers)?;
+        output::exr::write(&targets.exr, image, &layers)?;
         if let Some(checkpoint) = &self.checkpoint {
             checkpoint.finish()?;
         }
-        let ev = output::png::write(&targets.png, &image, self.exposure)?;
+        let ev = output::png::write(&targets.png, image, self.exposure)?;
         say!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
-        if let Some(why) = darkness(&image, &lit.1, &stats) {
+        if let Some(why) = darkness(image, &lit.1, &stats) {
             tell!("note: the image is black: {why}");
         }
         if let Some(path) = &targets.report {
-            write_json(path, &self.report(&lit, stats, ev))?;
+            write_json(path, &self.report(lit, stats, ev))?;
         }
         Ok(())
     }
@@ -371,6 +386,7 @@ impl Job<'_> {
             first_pass: solution.stats.clone(),
             second_pass_settings: self.settings.second_pass,
             second_pass,
+            target: self.target.clone(),
             exposure_ev: ev,
             total_s: self.started.elapsed().as_secs_f64(),
             peak_memory_bytes: peak_memory_bytes(),

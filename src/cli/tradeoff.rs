@@ -72,7 +72,10 @@ pub fn run(args: &Tradeoff) -> Result<()> {
             None => match bench.run(trial, &bars)? {
                 Outcome::Measured(row) => *row,
                 Outcome::TooLong(s) => {
-                    tell!("note: {label}: left out, would take some {s:.0} s; --longest allows {} s", args.longest);
+                    tell!(
+                        "note: {label}: left out, would take some {s:.0} s; --longest allows {} s",
+                        args.longest
+                    );
                     continue;
                 }
             },

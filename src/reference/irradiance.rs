@@ -1,6 +1,6 @@
 //! The judge of sensors: irradiance by paths that begin where a sensor lies.
 
-use super::emitters::{Emitters, Origin};
+use super::emitters::{Emitters, Source};
 use super::events::power;
 use super::path::{Path, Replicate, Tracing, Wave, mix, seed_of};
 use super::{REPLICATES, ReferenceSettings, check};
@@ -121,29 +121,31 @@ fn ask(tracing: &Tracing, place: &Place, u: [f64; 4], (segments, light): &mut (V
         return;
     }
     let source = tracing.emitters.draw(tracing.geometry, [u[0], u[1], u[2]]);
-    let way = source.position - place.position;
-    let distance2 = way.length_squared();
-    let r = way / distance2.sqrt();
+    let (end, r) = match source {
+        Source::Surface { position, .. } => (position, (position - place.position).normalize_or_zero()),
+        Source::Light { k, .. } => {
+            let way = tracing.geometry.lights[k].drawn_from(place.position, u[1], u[2]);
+            (way.end, way.direction)
+        }
+    };
     let height = place.normal.dot(r);
-    // Not a number where the sensor lies in the light.
     if height.is_nan() || height <= 0.0 {
         return;
     }
-    let (emission, factor) = match (source.origin, source.normal) {
-        (Origin::Surface(id), Some(normal)) => {
+    let (emission, factor) = match source {
+        Source::Surface { id, normal, density, .. } => {
             let cosine = -normal.dot(r);
             if cosine <= 0.0 {
                 return;
             }
-            let density = source.density * distance2 / cosine;
+            let density = density * end.distance_squared(place.position) / cosine;
             (&tracing.appearance.of(id).emission, power(density, height / PI) * height / density)
         }
-        (Origin::Light(k), _) => {
-            let towards = tracing.geometry.lights[k].distribution.towards(-r);
-            (&tracing.appearance.lights[k], height * towards / (distance2 * source.density))
+        Source::Light { k, chance } => {
+            let share = tracing.geometry.lights[k].seen_from(place.position).share;
+            (&tracing.appearance.lights[k], height * share / chance)
         }
-        (Origin::Surface(_), None) => return,
     };
-    segments.push(place.segment(source.position.as_vec3()));
+    segments.push(place.segment(end.as_vec3()));
     light.extend(emission.iter().map(|l| factor * f64::from(*l)));
 }

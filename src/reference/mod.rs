@@ -135,11 +135,7 @@ pub fn render(
 }
 
 /// Whether the parts belong together and can be used.
-fn check(
-    geometry: &Geometry,
-    appearance: &SampledAppearance,
-    settings: &ReferenceSettings,
-) -> Result<()> {
+fn check(geometry: &Geometry, appearance: &SampledAppearance, settings: &ReferenceSettings) -> Result<()> {
     if settings.samples == 0 || settings.samples > 1 << 20 {
         return Err(Error::Settings(format!(
             "samples a pixel ({}) must lie between 1 and {}",
@@ -163,13 +159,7 @@ struct Part {
 }
 
 /// Renders some pixels, one replicate after the other.
-fn part(
-    tracing: &Tracing,
-    eye: &Eye,
-    pixels: std::ops::Range<usize>,
-    replicates: u32,
-    each: u32,
-) -> Part {
+fn part(tracing: &Tracing, eye: &Eye, pixels: std::ops::Range<usize>, replicates: u32, each: u32) -> Part {
     let w = tracing.wavelengths();
     let count = pixels.len();
     let mut sums = vec![0.0; count * w];

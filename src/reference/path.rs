@@ -195,22 +195,11 @@ pub fn mix(mut x: u32) -> u32 {
 impl Replicate {
     /// Of nothing yet, for so many pixels.
     pub fn dark(tracing: &Tracing, pixels: usize) -> Replicate {
-        Replicate {
-            radiance: vec![0.0; pixels * tracing.wavelengths()],
-            rays: 0,
-            shadow_rays: 0,
-            longest: 0,
-        }
+        Replicate { radiance: vec![0.0; pixels * tracing.wavelengths()], rays: 0, shadow_rays: 0, longest: 0 }
     }
 
     /// Traces `samples` paths of each of `pixels`.
-    pub fn trace(
-        tracing: &Tracing,
-        eye: &Eye,
-        pixels: Range<usize>,
-        number: u32,
-        samples: u32,
-    ) -> Replicate {
+    pub fn trace(tracing: &Tracing, eye: &Eye, pixels: Range<usize>, number: u32, samples: u32) -> Replicate {
         let w = tracing.wavelengths();
         let mut replicate = Replicate::dark(tracing, pixels.len());
         let (mut wave, mut next) = (Wave::default(), Wave::default());

@@ -46,6 +46,9 @@ pub struct RunReport {
     pub second_pass_settings: SecondPassSettings,
     /// The second pass.
     pub second_pass: SecondPassStats,
+    /// What was asked for in place of settings, and what was reached.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<serde_json::Value>,
     /// Exposure of the preview, EV.
     pub exposure_ev: f64,
     /// Whole run, s.

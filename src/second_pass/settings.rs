@@ -133,7 +133,7 @@ impl SecondPassStats {
 
     /// Adds the counts of another part of the image. `cut_share` is a plain sum until
     /// it is divided by the number of camera rays.
-    pub(super) fn add(&mut self, other: &SecondPassStats) {
+    pub(crate) fn add(&mut self, other: &SecondPassStats) {
         self.camera_rays += other.camera_rays;
         self.reflected_rays += other.reflected_rays;
         self.transmitted_rays += other.transmitted_rays;

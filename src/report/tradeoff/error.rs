@@ -3,6 +3,9 @@
 //! With T₁, T₂ two images of one setting that differ by their seeds alone, J the judge and σ² the variance that J knows
 //! of each of its pixels, (T₁ - J)(T₂ - J) - σ² is in the mean the square of what T is systematically wrong by, and
 //! (T₁ - T₂)² / 2 the variance of its noise: neither holds the judge's noise. What is left is how uncertain the first is.
+//!
+//! Pixels that show a lamp, and their neighbours, do not count for luminance: its own is given, not computed, and so much brighter than all that it
+//! lights that the steps along its edge would drown what is asked here.
 
 use crate::colour::{D65_WHITE, delta_e_2000, lab, linear_srgb_to_xyz};
 use crate::error::{Error, Result};
@@ -16,9 +19,11 @@ pub struct Judged {
     pub image: LinearImage,
     /// Standard error of each pixel's luminance, cd m⁻²; zeros where it is not known.
     pub noise: Vec<f32>,
+    /// Whether each pixel counts for luminance.
+    pub counts: Vec<bool>,
 }
 
-/// What an image is wrong by. Luminances are relative to the judge's mean luminance.
+/// What an image is wrong by. Luminances are those of the pixels that count, relative to the judge's mean over them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Errors {
     /// Root mean square error of luminance, the judge's noise taken off; 0 where that is more than all there is.
@@ -33,6 +38,8 @@ pub struct Errors {
     pub noise: f64,
     /// Mean luminance over the judge's, less 1.
     pub mean: f64,
+    /// Root mean square error over all pixels, lamps and the judge's noise included.
+    pub rmse_all: f64,
     /// Mean CIEDE2000 to the judge, its noise and all: the true mean is at most the judge's own
     /// ([`Judged::delta_e_of_noise`]) away.
     pub delta_e_mean: f64,
@@ -41,16 +48,23 @@ pub struct Errors {
 }
 
 impl Judged {
-    /// Mean luminance, cd m⁻².
+    /// The pixels that count; all, if none does.
+    fn counted(&self) -> Vec<usize> {
+        let some = self.counts.contains(&true);
+        (0..self.image.pixels()).filter(|&p| !some || self.counts[p]).collect()
+    }
+
+    /// Mean luminance of the pixels that count, cd m⁻².
     pub fn mean_luminance(&self) -> f64 {
-        let n = self.image.pixels();
-        (0..n).map(|p| self.image.luminance(p)).sum::<f64>() / n.max(1) as f64
+        let counted = self.counted();
+        counted.iter().map(|&p| self.image.luminance(p)).sum::<f64>() / counted.len().max(1) as f64
     }
 
     /// Standard error of luminance, root mean square over the pixels, relative to the mean luminance.
     pub fn relative_noise(&self) -> f64 {
-        let squares: f64 = self.noise.iter().map(|&s| f64::from(s).powi(2)).sum();
-        share((squares / self.noise.len().max(1) as f64).sqrt(), self.mean_luminance())
+        let counted = self.counted();
+        let squares: f64 = counted.iter().map(|&p| f64::from(self.noise[p]).powi(2)).sum();
+        share((squares / counted.len().max(1) as f64).sqrt(), self.mean_luminance())
     }
 
     /// Mean CIEDE2000 that the noise of luminance alone makes between this image and the truth, on the scale of
@@ -78,13 +92,14 @@ impl Judged {
     /// # Errors
     /// [`Error::Settings`] for images of another size.
     pub fn errors(&self, images: &[LinearImage; 2]) -> Result<Errors> {
-        if self.noise.len() != self.image.pixels() {
+        if self.noise.len() != self.image.pixels() || self.counts.len() != self.image.pixels() {
             return Err(Error::Settings("the judge does not know the noise of every pixel".into()));
         }
         let colours = [compare(&self.image, &images[0])?, compare(&self.image, &images[1])?];
-        let n = self.image.pixels().max(1) as f64;
+        let counted = self.counted();
+        let n = counted.len().max(1) as f64;
         let (mut systematic, mut noise, mut open, mut mean) = (0.0, 0.0, 0.0, 0.0);
-        for p in 0..self.image.pixels() {
+        for p in counted {
             let (judge, variance) = (self.image.luminance(p), f64::from(self.noise[p]).powi(2));
             let [a, b] = [0, 1].map(|k: usize| images[k].luminance(p) - judge);
             systematic += (a * b - variance) / n;
@@ -105,6 +120,7 @@ impl Judged {
             systematic: relative(systematic),
             noise: relative(noise),
             mean: share(mean, luminance),
+            rmse_all: 0.5 * (colours[0].relative_rmse + colours[1].relative_rmse),
             delta_e_mean: 0.5 * (colours[0].delta_e_mean + colours[1].delta_e_mean),
             delta_e_95: 0.5 * (colours[0].delta_e_95 + colours[1].delta_e_95),
         })
@@ -142,9 +158,10 @@ mod tests {
         let judged = Judged {
             image: grey((0..N).map(|p| truth(p) + 0.5 * judge[p])),
             noise: vec![0.5; N],
+            counts: vec![true; N],
         };
         // Off by 0.3 of a mean of 10, either way, and noise of 0.2: both below the judge's noise.
-        let off = |p: usize| if p % 2 == 0 { 0.3 } else { -0.3 };
+        let off = |p: usize| if p.is_multiple_of(2) { 0.3 } else { -0.3 };
         let image = |seed| {
             let own = deviates(seed, N);
             grey((0..N).map(move |p| truth(p) + off(p) + 0.2 * own[p]))
@@ -160,6 +177,11 @@ mod tests {
         assert!(errors.mean.abs() < 1e-3, "{errors:?}");
         let of_noise = judged.delta_e_of_noise();
         assert!((errors.delta_e_mean - of_noise).abs() < of_noise, "{of_noise} {errors:?}");
+        // What does not count changes nothing.
+        let mut counts = judged.clone();
+        counts.counts[0] = false;
+        counts.image.rgb[..3].fill(1e6);
+        assert!((counts.errors(&[image(2), image(3)]).unwrap().rmse / errors.rmse - 1.0).abs() < 0.01);
         // The truth itself is found to be right within what the judge leaves open.
         let right = judged.errors(&[0, 0].map(|_| grey((0..N).map(truth)))).unwrap();
         assert!(right.rmse_low == 0.0 && right.rmse_high < 0.01, "{right:?}");
@@ -168,7 +190,7 @@ mod tests {
     #[test]
     fn images_of_another_size_and_darkness_are_no_panic() {
         let dark = || grey([0.0; 4].into_iter());
-        let judged = Judged { image: dark(), noise: vec![0.0; 4] };
+        let judged = Judged { image: dark(), noise: vec![0.0; 4], counts: vec![false; 4] };
         assert_eq!(judged.errors(&[dark(), dark()]).unwrap().rmse, 0.0);
         assert_eq!((judged.relative_noise(), judged.delta_e_of_noise()), (0.0, 0.0));
         assert!(judged.errors(&[dark(), grey([0.0; 3].into_iter())]).is_err());

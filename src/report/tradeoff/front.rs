@@ -5,9 +5,7 @@
 pub fn pareto(points: &[[f64; 2]]) -> Vec<bool> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|&k| points[k].iter().all(|x| x.is_finite())).collect();
-    order.sort_by(|&a, &b| {
-        points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1]))
-    });
+    order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1])));
     let mut on = vec![false; points.len()];
     let mut least = f64::INFINITY;
     for k in order {
@@ -25,7 +23,8 @@ mod tests {
 
     #[test]
     fn what_is_beaten_is_left_out() {
-        let points = [[1.0, 5.0], [2.0, 5.0], [3.0, 1.0], [2.5, 3.0], [0.5, f64::NAN], [3.0, 2.0], [4.0, 0.5]];
+        let points =
+            [[1.0, 5.0], [2.0, 5.0], [3.0, 1.0], [2.5, 3.0], [0.5, f64::NAN], [3.0, 2.0], [4.0, 0.5]];
         assert_eq!(pareto(&points), [true, false, true, true, false, false, true]);
         assert!(pareto(&[]).is_empty());
     }

@@ -3,7 +3,9 @@
 use super::error::Judged;
 use super::sensors::{self, SensorJudge};
 use crate::error::{Error, Result};
+use crate::geometry::{Hit, Ray};
 use crate::observer::Observer;
+use crate::output::LinearImage;
 use crate::output::exr::{self, ExrOptions};
 use crate::reference::{self, ReferenceSettings};
 use crate::report::write_json;
@@ -11,6 +13,7 @@ use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 use crate::spectrum::Wavelengths;
 use crate::tracers::RayTracer;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -73,7 +76,7 @@ impl Judge {
         let key = key_of(scene, camera, settings, image)?;
         if let Some(kept) = kept(&list, &key, path) {
             let (image, noise) = exr::read_with_noise(path)?;
-            let judged = judged(image, noise, camera, path)?;
+            let judged = judged((image, noise), (scene, camera), tracer, path)?;
             return Ok(Judge { judged, sensors: kept.sensors, key: kept.key + &kept.image, kept: true });
         }
         let appearance = scene.appearance.sample(
@@ -88,7 +91,7 @@ impl Judge {
             exr::write_with_noise(&own, &found.image, &ExrOptions::default(), &found.noise)?;
         }
         let (image, noise) = exr::read_with_noise(path)?;
-        let judged = judged(image, noise, camera, path)?;
+        let judged = judged((image, noise), (scene, camera), tracer, path)?;
         let sensors = sensors::judge(scene, &appearance, tracer, settings, observer)?;
         let kept = Kept { key, image: hash_of(path)?, sensors };
         write_json(&list, &kept)?;
@@ -108,12 +111,7 @@ fn hash_of(path: &Path) -> Result<String> {
 }
 
 /// A hash of all that the judge depends on. What is not large goes in as its text, which tells every number apart.
-fn key_of(
-    scene: &Scene,
-    camera: &Camera,
-    settings: &JudgeSettings,
-    image: Option<&Path>,
-) -> Result<String> {
+fn key_of(scene: &Scene, camera: &Camera, settings: &JudgeSettings, image: Option<&Path>) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
     let (geometry, appearance) = (&scene.geometry, &scene.appearance);
@@ -127,7 +125,12 @@ fn key_of(
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-fn judged(image: crate::output::LinearImage, noise: Option<Vec<f32>>, camera: &Camera, path: &Path) -> Result<Judged> {
+fn judged(
+    (image, noise): (LinearImage, Option<Vec<f32>>),
+    (scene, camera): (&Scene, &Camera),
+    tracer: &dyn RayTracer,
+    path: &Path,
+) -> Result<Judged> {
     if [image.width, image.height] != camera.resolution {
         let ([w, h], path) = (camera.resolution, path.display());
         return Err(Error::Settings(format!(
@@ -140,5 +143,33 @@ fn judged(image: crate::output::LinearImage, noise: Option<Vec<f32>>, camera: &C
         return Err(Error::io(path, "the image holds values that are not finite numbers, and cannot judge"));
     }
     let noise = noise.unwrap_or_else(|| vec![0.0; image.pixels()]);
-    Ok(Judged { image, noise })
+    let counts = shows_lamp(scene, camera, tracer).into_iter().map(|lamp| !lamp).collect();
+    Ok(Judged { image, noise, counts })
+}
+
+/// Rays along either side of a pixel that look for lamps.
+const RAYS: usize = 4;
+
+/// Whether each pixel of a camera, from the top left, shows a surface that emits or touches a pixel that does: a lamp may
+/// reach into it between the rays.
+pub fn shows_lamp(scene: &Scene, camera: &Camera, tracer: &dyn RayTracer) -> Vec<bool> {
+    let view = camera.view(scene.geometry.centre);
+    let [width, height] = camera.resolution.map(|side| side as usize);
+    let emits = |id| scene.appearance.material(id).emission.is_some();
+    let lamp = |hit: &Option<Hit>| hit.is_some_and(|hit| emits(hit.surface));
+    let row = |y: usize| {
+        let at = |k: usize| (k as f64 + 0.5) / RAYS as f64;
+        let rays: Vec<Ray> = (0..width)
+            .flat_map(|x| (0..RAYS * RAYS).map(move |k| (x, k)))
+            .map(|(x, k)| view.ray(x as f64 + at(k % RAYS), y as f64 + at(k / RAYS)))
+            .collect();
+        let mut hits = vec![None; rays.len()];
+        tracer.closest_batch(&rays, &mut hits);
+        hits.chunks(RAYS * RAYS).map(|hits| hits.iter().any(lamp)).collect::<Vec<_>>()
+    };
+    let shows: Vec<bool> = (0..height).into_par_iter().flat_map_iter(row).collect();
+    let about = |k: usize, end: usize| k.saturating_sub(1)..(k + 2).min(end);
+    let near =
+        |p: usize| about(p / width, height).any(|y| about(p % width, width).any(|x| shows[y * width + x]));
+    (0..shows.len()).map(near).collect()
 }

@@ -4,7 +4,7 @@ use crate::first_pass::Kernel;
 use crate::points::Sampling;
 use crate::scene::Scene;
 use crate::second_pass::Rung;
-use crate::settings::Settings;
+use crate::settings::{Quality, Settings};
 use crate::spectrum::Wavelengths;
 use crate::visibility::LinkSettings;
 
@@ -34,6 +34,7 @@ pub enum Extent {
 pub fn trials(scene: &Scene, base: &Settings, extent: Extent) -> Vec<Trial> {
     let mut list = List { base, sampling: scene.sampling, trials: Vec::new() };
     list.add("base", "all knobs as they are", |_, _| ());
+    list.presets();
     list.points_rungs_and_samples(extent);
     list.light(extent);
     if extent == Extent::Full {
@@ -95,6 +96,21 @@ impl List<'_> {
         }
     }
 
+    /// `--quality`, all of it.
+    fn presets(&mut self) {
+        let presets = [
+            (Quality::Draft, "draft"),
+            (Quality::Paper, "paper"),
+            (Quality::Standard, "standard"),
+            (Quality::High, "high"),
+        ];
+        for (quality, name) in presets {
+            self.add("quality", name, |s, _| {
+                *s = Settings { tracer: s.tracer, ..Settings::preset(quality) };
+            });
+        }
+    }
+
     /// One after the other and jointly: they trade with each other.
     fn points_rungs_and_samples(&mut self, extent: Extent) {
         let (areas, samples): (&[f64], &[u32]) = match extent {
@@ -104,8 +120,7 @@ impl List<'_> {
         for &area in areas {
             self.add("points", format!("area x {area}"), |s, _| s.area_factor *= area);
         }
-        let rungs =
-            [(Rung::Interpolate, "interpolate"), (Rung::Direct, "direct"), (Rung::Gather, "gather")];
+        let rungs = [(Rung::Interpolate, "interpolate"), (Rung::Direct, "direct"), (Rung::Gather, "gather")];
         for (rung, name) in rungs {
             self.add("rung", name, |s, _| s.second_pass.rung = rung);
         }

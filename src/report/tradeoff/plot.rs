@@ -38,7 +38,7 @@ impl Quantity {
 
     fn label(self) -> &'static str {
         match self {
-            Quantity::Luminance => "root mean square error of luminance, % of the mean",
+            Quantity::Luminance => "error of luminance (root mean square), % of the mean",
             Quantity::Colour => "mean CIEDE2000",
         }
     }
@@ -139,7 +139,11 @@ fn draw<DB: DrawingBackend>(
         .filter(drawn)
         .collect();
     front.sort_by(|a, b| a.processor_s.total_cmp(&b.processor_s));
-    let thin = |width: i32| ShapeStyle { color: BLACK.to_rgba(), filled: false, stroke_width: (width * unit) as u32 };
+    let thin = |width: i32| ShapeStyle {
+        color: BLACK.to_rgba(),
+        filled: false,
+        stroke_width: (width * unit) as u32,
+    };
     chart.draw_series(LineSeries::new(front.iter().map(|r| place(r)), thin(1)))?;
     for row in rows.iter().filter(drawn) {
         let fill = ShapeStyle { filled: true, ..colour(&row.knob).into() };
@@ -151,7 +155,10 @@ fn draw<DB: DrawingBackend>(
     let floor = rows.iter().map(|r| quantity.floor(r)).fold(0.0, f64::max);
     if errors.contains(&floor) {
         let line = [(seconds.start, floor), (seconds.end, floor)];
-        chart.draw_series(LineSeries::new(line, ShapeStyle::from(RGBColor(150, 150, 150)).stroke_width(unit as u32)))?;
+        chart.draw_series(LineSeries::new(
+            line,
+            ShapeStyle::from(RGBColor(150, 150, 150)).stroke_width(unit as u32),
+        ))?;
     }
 
     let line = |k: usize| (28 + 22 * k as i32) * unit;

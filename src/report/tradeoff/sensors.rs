@@ -55,8 +55,7 @@ pub fn judge(
     let numbers: Vec<usize> = (0..count).map(|k| k * all.len() / count).collect();
     let chosen: Vec<Sensor> = numbers.iter().map(|&k| all[k].clone()).collect();
     let paths = ReferenceSettings { samples: settings.sensor_samples, seed: 0 };
-    let found =
-        reference::irradiance(&scene.geometry, appearance, &chosen, tracer, &paths, observer)?;
+    let found = reference::irradiance(&scene.geometry, appearance, &chosen, tracer, &paths, observer)?;
     Ok(numbers
         .into_iter()
         .zip(chosen)

@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// One trial: what it took, and what it is wrong by. Errors of luminance are relative to the judge's mean luminance; the
-/// judge's noise is taken off where nothing else is said.
+/// One trial: what it took, and what it is wrong by. Errors of luminance are those of pixels that show no lamp, relative to the
+/// judge's mean luminance over them; the judge's noise is taken off where nothing else is said.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The knob that differs from the base.
@@ -46,6 +46,8 @@ pub struct Row {
     pub noise: f64,
     /// Mean luminance over the judge's, less 1.
     pub mean: f64,
+    /// Root mean square error over all pixels, lamps and the judge's noise included.
+    pub rmse_all: f64,
     /// Mean CIEDE2000 to the judge, its noise and all,
     pub delta_e_mean: f64,
     /// the 95th percentile,

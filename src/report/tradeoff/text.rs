@@ -1,11 +1,11 @@
 //! Text in bitmaps, without the system's fonts: letters of 8 x 8 dots.
 
 use font8x8::legacy::BASIC_LEGACY;
+use plotters::prelude::BitMapBackend;
+use plotters::style::text_anchor::{HPos, VPos};
 use plotters_backend::{
     BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind,
 };
-use plotters::prelude::BitMapBackend;
-use plotters::style::text_anchor::{HPos, VPos};
 
 /// Dots along the side of a letter.
 const SIDE: i32 = 8;

@@ -64,7 +64,17 @@ impl<'a> Bench<'a> {
     ) -> Self {
         let all = sensors::all(scene);
         let sensors = judge.sensors.iter().filter_map(|j| all.get(j.number).cloned()).collect();
-        Bench { scene, camera, tracer, judge, sensors, longest_s, prepared: None, lit: None, taken: Vec::new() }
+        Bench {
+            scene,
+            camera,
+            tracer,
+            judge,
+            sensors,
+            longest_s,
+            prepared: None,
+            lit: None,
+            taken: Vec::new(),
+        }
     }
 
     /// Tells rows of this bench from others.
@@ -158,6 +168,7 @@ impl<'a> Bench<'a> {
             systematic: errors.systematic,
             noise: errors.noise,
             mean: errors.mean,
+            rmse_all: errors.rmse_all,
             delta_e_mean: errors.delta_e_mean,
             delta_e_95: errors.delta_e_95,
             delta_e_judge: self.judge.judged.delta_e_of_noise(),
@@ -198,9 +209,8 @@ impl<'a> Bench<'a> {
             return Ok(None);
         };
         let before = self.taken.iter().filter(|t| 2 * t.0 <= 3 * last / 2).max_by_key(|t| t.0);
-        let growth = before.map_or(GROWTH, |&(fewer, less)| {
-            (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln()
-        });
+        let growth = before
+            .map_or(GROWTH, |&(fewer, less)| (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln());
         Ok(Some(s * (n as f64 / last as f64).powf(growth.max(GROWTH))))
     }
 }
