@@ -29,7 +29,9 @@ fn main() -> Result<()> {
         .filter_map(|entry| Some(entry.ok()?.path()))
         .collect();
     files.sort();
-    println!("| view | asked | points | estimated | true | true / estimated | judge | s |\n|---|---|---|---|---|---|---|---|");
+    println!(
+        "| view | asked | points | estimated | true | true / estimated | judge | s |\n|---|---|---|---|---|---|---|---|"
+    );
     for file in files {
         let scene = scene::load(&file)?;
         for camera in &scene.cameras {

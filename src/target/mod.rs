@@ -43,7 +43,9 @@ impl Target {
         };
         match number.trim().parse::<f64>().map(|x| x * unit) {
             Ok(share) if (1e-4..1.0).contains(&share) => Ok(Target::Error(share)),
-            _ => Err(Error::Settings(format!("an error of {text}: give a share from 0.01% to 100%, such as 2%"))),
+            _ => Err(Error::Settings(format!(
+                "an error of {text}: give a share from 0.01% to 100%, such as 2%"
+            ))),
         }
     }
 
@@ -60,7 +62,9 @@ impl Target {
             .unwrap_or((trimmed, 1.0));
         match number.trim().parse::<f64>().map(|x| x * unit) {
             Ok(s) if (0.1..=864_000.0).contains(&s) => Ok(Target::Within(s)),
-            _ => Err(Error::Settings(format!("a time of {text}: give one from 0.1s on, such as 30s, 2min or 1h"))),
+            _ => Err(Error::Settings(format!(
+                "a time of {text}: give one from 0.1s on, such as 30s, 2min or 1h"
+            ))),
         }
     }
 }

@@ -298,7 +298,15 @@ impl Search<'_> {
         let half = |seed: u32| {
             let settings = SecondPassSettings { samples: settings.samples / 2, seed, ..*settings };
             let (geometry, camera) = (&self.scene.geometry, self.camera);
-            pipeline::view(geometry, &level.prepared, &level.light, camera, self.tracer, &settings, self.observer)
+            pipeline::view(
+                geometry,
+                &level.prepared,
+                &level.light,
+                camera,
+                self.tracer,
+                &settings,
+                self.observer,
+            )
         };
         let (mut image, mut stats) = half(settings.seed)?;
         let (other, more) = half(settings.seed.wrapping_add(1))?;
