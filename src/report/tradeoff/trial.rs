@@ -14,6 +14,7 @@ use crate::scene::{Camera, SampledAppearance, Scene, Sensor};
 use crate::second_pass::SecondPassSettings;
 use crate::tracers::RayTracer;
 use crate::voxels::Voxels;
+use std::collections::BTreeMap;
 
 /// Without a measurement, time grows with the points as this power of their number.
 const GROWTH: f64 = 2.0;
@@ -28,8 +29,8 @@ pub struct Bench<'a> {
     longest_s: f64,
     prepared: Option<Kept<Prepared>>,
     lit: Option<Kept<Lit>>,
-    /// Points, and how long graph and first pass took.
-    taken: Vec<(usize, f64)>,
+    /// How long graph and first pass took at least, s, by the number of points.
+    taken: BTreeMap<usize, f64>,
 }
 
 /// What a first pass gives, and what sensors read of it.
@@ -73,7 +74,7 @@ impl<'a> Bench<'a> {
             longest_s,
             prepared: None,
             lit: None,
-            taken: Vec::new(),
+            taken: BTreeMap::new(),
         }
     }
 
@@ -116,7 +117,10 @@ impl<'a> Bench<'a> {
                 pipeline::light(geometry, &prepared.product, appearance, settings, observer)
             })?;
             let worst = self.worst(trial, &prepared.product, &light, observer)?;
-            self.taken.push((prepared.product.points.len(), prepared.cost.s + cost.s));
+            // Processor time: what else the machine does is no matter.
+            let s = (prepared.cost.cpu_s + cost.cpu_s) / rayon::current_num_threads() as f64;
+            let least = self.taken.entry(prepared.product.points.len()).or_insert(s);
+            *least = least.min(s);
             self.lit = Some(Kept { key, product: Lit { light, worst }, cost });
         }
         let Some(lit) = &self.lit else { unreachable!("lit above") };
@@ -199,18 +203,20 @@ impl<'a> Bench<'a> {
         Ok(sensors::worst(&self.judge.sensors, totals, &light.0.wavelengths))
     }
 
-    /// How long graph and first pass of a trial will take, s, going by earlier ones with fewer points; `None` without any.
+    /// How long graph and first pass of a trial will take, s, going by earlier ones with fewer points; `None` where as many
+    /// were tried already, or nothing.
     fn expected(&self, trial: &Trial) -> Result<Option<f64>> {
         let (geometry, factor) = (&self.scene.geometry, trial.settings.area_factor);
         let sampling = points::Sampling { area_factor: factor, ..trial.sampling };
         let voxels = Voxels::build(geometry, &trial.settings.voxels);
         let n = points::sample(geometry, &sampling, &voxels)?.len();
-        let Some(&(last, s)) = self.taken.iter().filter(|t| t.0 <= n).max_by_key(|t| t.0) else {
+        let Some((&last, &s)) = self.taken.last_key_value().filter(|(most, _)| **most < n) else {
             return Ok(None);
         };
-        let before = self.taken.iter().filter(|t| 2 * t.0 <= 3 * last / 2).max_by_key(|t| t.0);
-        let growth = before
-            .map_or(GROWTH, |&(fewer, less)| (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln());
+        let before = self.taken.range(..=2 * last / 3).next_back();
+        let growth = before.map_or(GROWTH, |(&fewer, &less)| {
+            (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln()
+        });
         Ok(Some(s * (n as f64 / last as f64).powf(growth.max(GROWTH))))
     }
 }
