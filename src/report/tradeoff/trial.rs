@@ -214,9 +214,8 @@ impl<'a> Bench<'a> {
             return Ok(None);
         };
         let before = self.taken.range(..=2 * last / 3).next_back();
-        let growth = before.map_or(GROWTH, |(&fewer, &less)| {
-            (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln()
-        });
+        let growth = before
+            .map_or(GROWTH, |(&fewer, &less)| (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln());
         Ok(Some(s * (n as f64 / last as f64).powf(growth.max(GROWTH))))
     }
 }
