@@ -63,11 +63,11 @@ pub(super) fn crossing(
             _ => doubts.push((t, beyond.abs())),
         }
     }
-    for (k, station) in stations.iter().enumerate().filter(|(_, s)| !s.is_certain()) {
-        // Where the line touches, it stays within the band for a while.
-        let at_foot = stations.len() == 3 && k == 1;
-        if line.is_beside(station.t, station.band, at_foot) {
-            doubts.push((station.t, station.outside.abs()));
+    // Where the line touches the endless cone, or runs along it, it is within the band for a while.
+    for pair in stations.windows(2).filter(|pair| !(pair[0].is_certain() && pair[1].is_certain())) {
+        let [a, b] = [pair[0], pair[1]];
+        if let Some(t) = line.comes_beside(a, b, a.band.max(b.band)) {
+            doubts.push((t, a.outside.abs().min(b.outside.abs())));
         }
     }
     match crossings.first() {
@@ -130,10 +130,27 @@ impl Meeting<'_> {
         (-up).max(up - height) * self.cone.slant() / height
     }
 
-    /// Whether the side itself is where the line is at `t`, or where it touches it about there.
-    fn is_beside(&self, t: f64, band: f64, touches: bool) -> bool {
-        let while_near = (2.0 * band * (self.cone.widest() + self.cone.height())).sqrt();
-        self.beyond(self.at(t)) <= if touches { band + while_near } else { band }
+    /// Where, between two places of which the distance falls or rises from one to the other, the line is within the
+    /// band of the side itself, if it is.
+    fn comes_beside(&self, a: Station, b: Station, band: f64) -> Option<f64> {
+        let (near, far) = if a.outside.abs() < b.outside.abs() { (a, b) } else { (b, a) };
+        if near.outside.abs() > band {
+            return None;
+        }
+        // The last place from the nearer one on that is within the band.
+        let (mut within, mut beyond) = (near.t, far.t);
+        if far.outside.abs() <= band {
+            within = far.t;
+        } else {
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (within + beyond);
+                let is_within = self.cone.outside(self.at(middle)).abs() <= band;
+                *if is_within { &mut within } else { &mut beyond } = middle;
+            }
+        }
+        let up = |t: f64| self.cone.profile(self.at(t)).up;
+        let (low, high) = (up(near.t).min(up(within)), up(near.t).max(up(within)));
+        (low <= self.cone.height() + band && high >= -band).then(|| near.t.min(within))
     }
 }
 

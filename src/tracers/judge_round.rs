@@ -118,7 +118,7 @@ mod tests {
     use super::super::Segment;
     use super::super::judge::{Verdict, judge};
     use super::*;
-    use crate::geometry::{Shape, SurfaceId};
+    use crate::geometry::{Cone, Shape, SurfaceId};
     use crate::scene::{Geometry, ObjectId};
     use glam::Vec3;
 
@@ -183,5 +183,27 @@ mod tests {
             "in its plane"
         );
         assert_eq!(verdict([-2.0, 1.2, 0.0], [2.0, 1.2, 0.0]), Verdict::Free, "in its plane, beside it");
+    }
+
+    #[test]
+    fn cones_are_decided_by_their_ends_their_rims_and_the_line() {
+        let cone = |top_radius: f64| {
+            Shape::from(Cone { base: DVec3::NEG_Z, top: DVec3::Z, radius: 1.0, top_radius, inward: false })
+        };
+        for top in [1.0, 0.5] {
+            let verdict = |from, to| verdict(cone(top), from, to);
+            assert_eq!(verdict([-2.0, 0.3, 0.1], [2.0, 0.2, -0.1]), BLOCKED, "through");
+            assert_eq!(verdict([-0.3, 0.3, 0.1], [2.0, 0.2, -0.1]), BLOCKED, "out of");
+            assert_eq!(verdict([0.1, 0.2, 5.0], [0.2, 0.1, -5.0]), Verdict::Free, "in and out at the ends");
+            assert_eq!(verdict([-2.0, 0.0, 1.1], [2.0, 0.0, 1.1]), Verdict::Free, "over the top");
+            assert_eq!(verdict([-2.0, 1.1, 0.0], [2.0, 1.1, 0.0]), Verdict::Free, "beside");
+            // Along the side, from beyond the base to beyond the top.
+            let along = |off: f32| {
+                let at = |z: f32| [0.5 * (1.0 + top as f32) - 0.5 * z * (1.0 - top as f32) + off, 0.0, z];
+                verdict(at(-2.0), at(2.0))
+            };
+            assert!(matches!(along(0.0), Verdict::Grazing { .. }), "{top}: {:?}", along(0.0));
+            assert_eq!((along(1e-4), along(-1e-4)), (Verdict::Free, Verdict::Free));
+        }
     }
 }
