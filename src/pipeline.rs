@@ -1,7 +1,7 @@
 //! The stages in order, and nothing else: each borrows what it needs and returns one product.
 
 use crate::error::{Error, Result};
-use crate::first_pass::{DiffuseSolution, FirstPass, LinkedRelighter, Relighter};
+use crate::first_pass::{DiffuseSolution, Evenly, FirstPass, LinkedRelighter, Relighter};
 use crate::measure::{self, MeasureSettings, Reading};
 use crate::observer::Observer;
 use crate::points::{self, Element, SamplePoints, Sampling};
@@ -152,12 +152,12 @@ pub fn first_pass<'a>(
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<Box<dyn FirstPass + 'a>> {
-    Ok(match &prepared.links {
-        Some(links) => {
-            Box::new(LinkedRelighter::new(geometry, &prepared.points, links, &settings.first_pass)?)
-        }
+    let points = &prepared.points;
+    let first_pass: Box<dyn FirstPass + 'a> = match &prepared.links {
+        Some(links) => Box::new(LinkedRelighter::new(geometry, points, links, &settings.first_pass)?),
         None => Box::new(relighter(geometry, prepared, settings, observer)?),
-    })
+    };
+    Ok(Box::new(Evenly { first_pass, points, most_specular: settings.first_pass.most_specular }))
 }
 
 /// What the first pass of a scene over all pairs of points keeps between one appearance and the next.

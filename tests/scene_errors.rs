@@ -133,7 +133,9 @@ fn mistakes_are_located() {
 fn names_are_unique_and_cameras_and_surfaces_exist() {
     let camera = &SCENE[SCENE.find("[[cameras]]").expect("there")..];
     assert!(place(read(format!("{SCENE}{camera}"))).2.contains("two cameras"));
-    assert!(place(read(SCENE.replace(camera, ""))).2.contains("no camera"));
+    let framed = read(SCENE.replace(camera, "")).expect("a camera is found");
+    assert_eq!(framed.cameras.len(), 1);
+    assert!(framed.notes.iter().any(|n| n.contains("no camera")), "{:?}", framed.notes);
     let object = &SCENE[SCENE.find("[[objects]]").expect("there")..SCENE.find("[[cameras]]").expect("there")];
     assert!(place(read(format!("{SCENE}{object}"))).2.contains("two objects"));
     assert!(place(read(SCENE.replace(object, ""))).2.contains("no surface"));

@@ -211,6 +211,10 @@ pub struct Lighting {
     /// place of all pairs: for many points, without specular materials [default: all pairs]
     #[arg(long, value_name = "FORM_FACTOR", conflicts_with = "graph")]
     pub link_tolerance: Option<f64>,
+    /// Up to so many specular points the light that they reflect and transmit to other surfaces keeps its way; of more it is
+    /// spread evenly, and nothing passes glass. Views show mirrors and glass in any case
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub most_specular: usize,
     /// Longest specular chain (the paper's lgmax) [default: as long as the tolerance asks]
     #[arg(long, value_name = "N")]
     pub lg_max: Option<u32>,

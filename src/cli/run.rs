@@ -3,7 +3,7 @@
 use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SecondPassArg, SolverArg, TracerArg};
 use super::say::{say, tell};
 use luxgraph::error::{Error, Result};
-use luxgraph::first_pass::{DiffuseSolution, FirstPass, Kernel, Solver};
+use luxgraph::first_pass::{self, DiffuseSolution, FirstPass, Kernel, Solver};
 use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
@@ -111,6 +111,7 @@ pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
         }
         first.tolerance = tolerance;
     }
+    first.most_specular = options.most_specular;
     if options.lg_max.is_some() {
         first.chain.lg_max = options.lg_max;
     }
@@ -320,6 +321,15 @@ impl Job<'_> {
             tell!(
                 "note: [[lights]] have no body: their light reaches surfaces over mirrors and glass too, but \
                  the view shows no reflection and no highlight of the lights themselves"
+            );
+        }
+        let specular = first_pass::specular_points(&self.prepared.points, &lit.0);
+        let most = settings.first_pass.most_specular;
+        if specular > most {
+            tell!(
+                "note: {specular} sample points are specular, more than {most}: the light that they pass on to other \
+                 surfaces is spread evenly, and glass lets none through; views show mirrors and glass as they are \
+                 (--most-specular N changes the limit, at a cost that grows with its cube)"
             );
         }
         let stats = &lit.1.stats;

@@ -10,6 +10,7 @@ mod bounce;
 pub mod chain;
 pub mod diffuse;
 pub mod directions;
+mod evenly;
 mod exchange;
 pub mod flow;
 pub mod form_factor;
@@ -46,6 +47,7 @@ mod stats;
 pub mod system;
 pub mod visibility_calls;
 
+pub use evenly::{Evenly, specular_points};
 pub use linked_solve::LinkedRelighter;
 pub use relighter::Relighter;
 pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};

@@ -62,6 +62,9 @@ pub struct FirstPassSettings {
     /// Whether what is left over by the solutions of earlier appearances is all that is solved: in a fraction of the time, to
     /// the same tolerance, but not to the bit.
     pub recall: bool,
+    /// Where more points than this are specular, what they reflect is spread evenly instead of along its way: see
+    /// [`Evenly`](super::Evenly). No limit by default.
+    pub most_specular: usize,
     /// Whether the solution keeps its parts apart ([`Parts`](super::Parts)): one sweep more.
     pub parts: bool,
 }
@@ -78,6 +81,7 @@ impl Default for FirstPassSettings {
             count_visibility_calls: false,
             parts: false,
             recall: false,
+            most_specular: usize::MAX,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! From a description to a scene: all validation happens here.
 
 use super::description::{CameraTable, MaterialTable, Name, SamplingTable};
+use super::framing;
 use super::lights;
 use super::materials::Materials;
 use super::parts::{Part, parts};
@@ -45,9 +46,9 @@ pub fn scene(description: &SceneDescription) -> Result<Scene> {
     geometry.lights = lights::lights(description, geometry.centre, geometry.radius)?;
     geometry.zenith = skies::zenith(description)?;
     let (sensors, grids) = places::sensors(description)?;
-    let cameras = cameras(description)?;
     let appearance = appearance(description, &geometry)?;
-    notes.extend(description.meshes.values().flat_map(|m| m.notes.iter().cloned()));
+    let cameras = cameras(description, &geometry, &appearance, &mut notes)?;
+    notes.extend(description.models.values().flat_map(|m| m.notes.iter().cloned()));
     notes.extend(touching::notes(&geometry, &appearance));
     Ok(Scene { geometry, appearance, sampling, cameras, sensors, grids, notes })
 }
@@ -139,12 +140,23 @@ fn sampling(sources: &Sources, table: &SamplingTable, geometry: &Geometry) -> Re
     Ok(sampling)
 }
 
-fn cameras(description: &SceneDescription) -> Result<Vec<Camera>> {
+/// The cameras of the scene; one that frames it if it has none.
+fn cameras(
+    description: &SceneDescription,
+    geometry: &Geometry,
+    appearance: &Appearance,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Camera>> {
     let sources = &description.sources;
     let cameras = &description.document.cameras;
     if cameras.is_empty() {
-        let message = "there is no camera; add [[cameras]] with name, position and target";
-        return Err(sources.error(0, message));
+        // Models are drawn with y upwards; what is written in a scene file with z.
+        let models_alone = description.models.len() == description.document.objects.len();
+        let camera = framing::camera(geometry, appearance, if models_alone { DVec3::Y } else { DVec3::Z });
+        let [p, t] =
+            [camera.position, camera.target].map(|v| format!("[{:.3}, {:.3}, {:.3}]", v.x, v.y, v.z));
+        notes.push(format!("there is no camera: one frames the scene, position = {p}, target = {t}"));
+        return Ok(vec![camera]);
     }
     let mut names = BTreeSet::new();
     for camera in cameras {

@@ -1,6 +1,7 @@
 //! The scene file as written: every value with its place, nothing checked but its type.
 //! `scenes/FORMAT.md` documents the keys.
 
+use crate::colour::decode_srgb;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use std::collections::BTreeMap;
@@ -102,11 +103,20 @@ impl MaterialTable {
     }
 }
 
-/// A spectrum where one is used: by name, or a constant.
+/// A spectrum where one is used: by name, a constant, or a colour in linear sRGB.
 #[derive(Clone, Debug)]
 pub enum SpectrumRef {
     Constant(f64),
     Named(String),
+    Rgb([f64; 3]),
+}
+
+/// `{ rgb = ... }` or `{ srgb = ... }` where a spectrum is used.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColourTable {
+    rgb: Option<[f64; 3]>,
+    srgb: Option<[f64; 3]>,
 }
 
 /// The Fresnel factor: a built-in index by name, or a table.
@@ -177,10 +187,13 @@ pub struct ObjectTable {
     #[serde(default)]
     pub cones: Vec<Spanned<ConeTable>>,
     pub obj: Option<Name>,
+    pub gltf: Option<Name>,
     pub scale: Option<Spanned<f64>>,
     pub translate: Option<Spanned<[f64; 3]>>,
     #[serde(default)]
     pub materials: BTreeMap<Name, Name>,
+    #[serde(default)]
+    pub leave_out: Vec<Name>,
 }
 
 /// `discs = [{ ... }]`.
@@ -348,10 +361,10 @@ pub struct CameraTable {
 impl<'de> Deserialize<'de> for SpectrumRef {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct OneOfThem;
-        impl Visitor<'_> for OneOfThem {
+        impl<'de> Visitor<'de> for OneOfThem {
             type Value = SpectrumRef;
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("the name of a spectrum or a number")
+                f.write_str("the name of a spectrum or a number, or a colour { rgb = [r, g, b] }")
             }
             fn visit_f64<E: de::Error>(self, value: f64) -> Result<SpectrumRef, E> {
                 Ok(SpectrumRef::Constant(value))
@@ -361,6 +374,17 @@ impl<'de> Deserialize<'de> for SpectrumRef {
             }
             fn visit_str<E: de::Error>(self, value: &str) -> Result<SpectrumRef, E> {
                 Ok(SpectrumRef::Named(value.to_owned()))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<SpectrumRef, A::Error> {
+                match ColourTable::deserialize(de::value::MapAccessDeserializer::new(map))? {
+                    ColourTable { rgb: Some(rgb), srgb: None } => Ok(SpectrumRef::Rgb(rgb)),
+                    ColourTable { rgb: None, srgb: Some(srgb) } => {
+                        Ok(SpectrumRef::Rgb(srgb.map(decode_srgb)))
+                    }
+                    _ => Err(de::Error::custom(
+                        "a colour is { rgb = [r, g, b] }, linear, or { srgb = [r, g, b] }, encoded",
+                    )),
+                }
             }
         }
         deserializer.deserialize_any(OneOfThem)

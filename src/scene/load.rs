@@ -4,10 +4,10 @@ use super::description::{
     Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, MoveTable, Name, ObjectTable, SkyTable,
 };
 use super::ies::Luminaire;
+use super::import::{self, Kind, Model};
 use super::motion::Motion;
-use super::obj::Mesh;
 use super::parts::Edit;
-use super::source::Sources;
+use super::source::{Source, Sources};
 use super::suggest;
 use super::{Appearance, Geometry, Scene};
 use crate::error::Result;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Reads and compiles the scene file `path`.
+/// Reads and compiles the scene file `path`, or the OBJ or glTF file.
 pub fn load(path: &Path) -> Result<Scene> {
     SceneDescription::read(path)?.compile()
 }
@@ -40,9 +40,11 @@ pub struct SceneDescription {
     pub(super) sources: Sources,
     pub(super) document: Document,
     /// By index of the object that names the file.
-    pub(super) meshes: BTreeMap<usize, Arc<Mesh>>,
+    pub(super) models: BTreeMap<usize, Arc<Model>>,
     /// By index of the light that names the file.
     pub(super) luminaires: BTreeMap<usize, Luminaire>,
+    /// The materials that come from models, and the files that define them.
+    imported: BTreeMap<String, PathBuf>,
     /// What all changes do to objects, in their order.
     pub(super) edits: Vec<(Name, Edit)>,
     /// Whether changes moved, added or removed an object.
@@ -50,16 +52,47 @@ pub struct SceneDescription {
 }
 
 impl SceneDescription {
-    /// Reads a scene file and the OBJ and IES files it names.
+    /// Reads a scene file and the OBJ, glTF and IES files it names, or an OBJ or glTF file by itself.
     pub fn read(path: &Path) -> Result<SceneDescription> {
+        if let Some(kind) = Kind::of(path) {
+            return SceneDescription::of_model(kind, path);
+        }
         let mut sources = Sources::default();
         let document: Document = sources.parse(path)?;
         check_format(&sources, &document.format)?;
-        let (meshes, luminaires) = (BTreeMap::new(), BTreeMap::new());
-        let mut description =
-            SceneDescription { sources, document, meshes, luminaires, edits: Vec::new(), rearranged: false };
-        description.read_meshes(0)?;
+        let mut description = SceneDescription::new(sources, document);
+        description.read_models(0)?;
         description.read_luminaires()?;
+        Ok(description)
+    }
+
+    fn new(sources: Sources, document: Document) -> SceneDescription {
+        let (models, luminaires, imported) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        SceneDescription {
+            sources,
+            document,
+            models,
+            luminaires,
+            imported,
+            edits: Vec::new(),
+            rearranged: false,
+        }
+    }
+
+    /// A scene of one object: the model in the file `path`.
+    fn of_model(kind: Kind, path: &Path) -> Result<SceneDescription> {
+        let mut sources = Sources::default();
+        // Nothing is written for the one entry that the scene has, so all its places are the beginning.
+        sources.add(Source { path: path.to_path_buf(), text: String::new() });
+        let entry = format!("format = {FORMAT_VERSION}\n[[objects]]\nname = \"model\"");
+        let document: Document = toml::from_str(&entry).map_err(|e| sources.error(0, e.message()))?;
+        let mut description = SceneDescription::new(sources, document);
+        if let (Some(object), Some(stem)) =
+            (description.document.objects.first_mut(), path.file_stem().and_then(|s| s.to_str()))
+        {
+            object.get_mut().name = Spanned::new(0..0, stem.to_owned());
+        }
+        description.read_model(0, kind, path, true)?;
         Ok(description)
     }
 
@@ -79,16 +112,77 @@ impl SceneDescription {
         Ok(())
     }
 
-    /// Reads the OBJ files of the objects from index `first` on.
-    fn read_meshes(&mut self, first: usize) -> Result<()> {
-        let sources = &self.sources;
-        for (i, object) in self.document.objects.iter().enumerate().skip(first) {
-            if let Some(obj) = &object.get_ref().obj {
-                let path = sources.directory(obj.span().start).join(obj.get_ref());
-                let mesh = Mesh::read(&path).map_err(|e| sources.blame(obj, &path, e))?;
-                self.meshes.insert(i, Arc::new(mesh));
+    /// Reads the models of the objects from index `first` on.
+    fn read_models(&mut self, first: usize) -> Result<()> {
+        for i in first..self.document.objects.len() {
+            let object = self.document.objects[i].get_ref();
+            let (kind, name) = match (&object.obj, &object.gltf) {
+                (Some(obj), _) => (Kind::Obj, obj.clone()),
+                (None, Some(gltf)) => (Kind::Gltf, gltf.clone()),
+                (None, None) => continue,
+            };
+            let path = self.sources.directory(name.span().start).join(name.get_ref());
+            self.read_model(i, kind, &path, false).map_err(|e| self.sources.blame(&name, &path, e))?;
+        }
+        Ok(())
+    }
+
+    /// Reads the model of object `i`. Its materials, lights and cameras become those of the scene; a material of the scene file
+    /// comes before one of the model with its name. `alone`: there is no scene file that would say what the model does not.
+    fn read_model(&mut self, i: usize, kind: Kind, path: &Path, alone: bool) -> Result<()> {
+        let mut model = import::read(kind, path, &mut self.sources)?;
+        let object = self.document.objects[i].get_ref();
+        let materials = &mut self.document.materials;
+        for import::Material { name, table, file } in std::mem::take(&mut model.materials) {
+            let mut known_as = name.clone();
+            match self.imported.get(&name) {
+                Some(defined) if *defined == file => continue,
+                // Another file has a material of this name.
+                Some(_) if !object.materials.contains_key(name.as_str()) => {
+                    known_as = format!("{}:{name}", object.name.get_ref());
+                    let worn = model.parts.iter_mut().filter(|p| p.material.as_deref() == Some(&name));
+                    worn.for_each(|part| part.material = Some(known_as.clone()));
+                }
+                _ => {}
+            }
+            if !materials.contains_key(known_as.as_str()) {
+                materials.insert(Spanned::new(0..0, known_as.clone()), table);
+                self.imported.insert(known_as, file);
             }
         }
+        let mut plain: Vec<String> = Vec::new();
+        let has_default = object.material.is_some();
+        for part in model.parts.iter_mut().filter(|_| (alone || model.with_defaults) && !has_default) {
+            let worn = part.material.get_or_insert_with(|| "default".to_owned());
+            if !materials.contains_key(worn.as_str()) && !object.materials.contains_key(worn.as_str()) {
+                materials.insert(Spanned::new(0..0, worn.clone()), import::plain(0));
+                plain.push(worn.clone());
+            }
+        }
+        if !plain.is_empty() {
+            let names = import::names(&plain);
+            model.note(format_args!("materials that are nowhere defined are grey, reflectance 0.5: {names}"));
+        }
+        let scale = object.scale.as_ref().map_or(1.0, |s| *s.get_ref());
+        let translate = object.translate.as_ref().map_or([0.0; 3], |t| *t.get_ref());
+        let placed = |at: &mut Spanned<[f64; 3]>| {
+            let p = *at.get_ref();
+            *at.get_mut() = [0, 1, 2].map(|axis| scale * p[axis] + translate[axis]);
+        };
+        let prefix = if alone { String::new() } else { format!("{}/", object.name.get_ref()) };
+        let renamed = |name: &mut Name| *name.get_mut() = format!("{prefix}{}", name.get_ref());
+        for mut light in std::mem::take(&mut model.lights) {
+            light.position.iter_mut().for_each(placed);
+            renamed(&mut light.name);
+            self.document.lights.push(Spanned::new(0..0, light));
+        }
+        for mut camera in std::mem::take(&mut model.cameras) {
+            placed(&mut camera.position);
+            placed(&mut camera.target);
+            renamed(&mut camera.name);
+            self.document.cameras.push(Spanned::new(0..0, camera));
+        }
+        self.models.insert(i, Arc::new(model));
         Ok(())
     }
 
@@ -152,7 +246,7 @@ impl SceneDescription {
         }
         let first = self.document.objects.len();
         self.document.objects.extend(objects);
-        self.read_meshes(first)
+        self.read_models(first)
     }
 
     /// Gives the light `name` what `change` says; the keys of one kind exclude each other.

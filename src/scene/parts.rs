@@ -2,8 +2,8 @@
 
 use super::SceneDescription;
 use super::description::Name;
+use super::import::{Model, Place};
 use super::motion::Motion;
-use super::obj::{Mesh, Place};
 use super::suggest;
 use crate::error::{Error, Result};
 use std::collections::BTreeSet;
@@ -19,8 +19,8 @@ pub struct Part {
     pub material: String,
     /// The index of the entry under `[[objects]]`.
     pub object: usize,
-    /// The part of the OBJ file, if it comes from one.
-    pub obj_part: Option<u32>,
+    /// The part of the model, if it comes from one.
+    pub model_part: Option<u32>,
     /// Where changes moved it.
     pub motion: Option<Motion>,
     /// Whether changes removed it.
@@ -46,11 +46,11 @@ impl Part {
         description.sources.error(self.assigned.unwrap_or(place), message)
     }
 
-    /// Whether `name` means this object: its own name, or that of the whole OBJ file.
+    /// Whether `name` means this object: its own name, or that of the whole model.
     fn answers_to(&self, name: &str) -> bool {
         match self.name.strip_prefix(name) {
             Some("") => true,
-            Some(rest) => self.obj_part.is_some() && rest.starts_with(['/', ':']),
+            Some(rest) => self.model_part.is_some() && rest.starts_with(['/', ':']),
             None => false,
         }
     }
@@ -67,8 +67,8 @@ pub fn parts(description: &SceneDescription) -> Result<Vec<Part>> {
             let message = format!("there are two objects \"{}\"; rename one", table.name.get_ref());
             return Err(sources.error(table.name.span().start, message));
         }
-        match description.meshes.get(&i) {
-            Some(mesh) => obj_parts(description, i, mesh, &mut parts)?,
+        match description.models.get(&i) {
+            Some(model) => model_parts(description, i, model, &mut parts)?,
             None => {
                 let Some(material) = &table.material else {
                     let message = format!("object \"{}\" has no `material`; add one", table.name.get_ref());
@@ -80,7 +80,7 @@ pub fn parts(description: &SceneDescription) -> Result<Vec<Part>> {
                     name: table.name.get_ref().clone(),
                     material: material.get_ref().clone(),
                     object: i,
-                    obj_part: None,
+                    model_part: None,
                     motion: None,
                     removed: false,
                     assigned: None,
@@ -132,18 +132,18 @@ fn edit(description: &SceneDescription, parts: &mut [Part]) -> Result<()> {
     Ok(())
 }
 
-/// The parts of an OBJ file: `NAME/o-name`, and where an object wears several materials
-/// `NAME/o-name:usemtl` for the others.
-fn obj_parts(
+/// The parts of a model: `NAME/object`, and where an object wears several materials
+/// `NAME/object:material` for the others.
+fn model_parts(
     description: &SceneDescription,
     object: usize,
-    mesh: &Arc<Mesh>,
+    model: &Arc<Model>,
     parts: &mut Vec<Part>,
 ) -> Result<()> {
     let table = description.document.objects[object].get_ref();
     let materials = &description.document.materials;
     let mut taken = BTreeSet::new();
-    for (i, part) in mesh.parts.iter().enumerate() {
+    for (i, part) in model.parts.iter().enumerate() {
         let (material, place) = match &part.material {
             Some(usemtl) => match table.materials.get(usemtl.as_str()) {
                 Some(mapped) => (mapped.get_ref(), Err(mapped.span().start)),
@@ -154,14 +154,14 @@ fn obj_parts(
                 Some(material) => (material.get_ref(), Err(material.span().start)),
                 None => {
                     let message = "a face before any usemtl; give the object a `material` in the scene file";
-                    return Err(mesh.error(part.place, message));
+                    return Err(model.error(part.place, message));
                 }
             },
         };
         known_material(description, material).map_err(|message| match place {
             Ok(place) => {
                 let remedy = "define it, or map it under `materials` of the object";
-                mesh.error(place, format!("{message}; {remedy}"))
+                model.error(place, format!("{message}; {remedy}"))
             }
             Err(offset) => description.sources.error(offset, message),
         })?;
@@ -172,8 +172,8 @@ fn obj_parts(
             taken.insert(name.clone());
         }
         let material = material.clone();
-        let obj_part = Some(i as u32);
-        parts.push(Part { name, material, object, obj_part, motion: None, removed: false, assigned: None });
+        let model_part = Some(i as u32);
+        parts.push(Part { name, material, object, model_part, motion: None, removed: false, assigned: None });
     }
     Ok(())
 }
@@ -192,8 +192,8 @@ fn known_material(description: &SceneDescription, name: &str) -> std::result::Re
 pub enum FacePlace {
     /// In the scene file.
     Toml(usize),
-    /// In the OBJ file of an object.
-    Obj(usize, Place),
+    /// In the OBJ or glTF file of an object.
+    Model(usize, Place),
 }
 
 impl FacePlace {
@@ -201,7 +201,7 @@ impl FacePlace {
     pub fn error(self, description: &SceneDescription, message: impl Into<String>) -> Error {
         match self {
             FacePlace::Toml(offset) => description.sources.error(offset, message),
-            FacePlace::Obj(object, place) => description.meshes[&object].error(place, message),
+            FacePlace::Model(object, place) => description.models[&object].error(place, message),
         }
     }
 }

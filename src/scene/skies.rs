@@ -59,7 +59,7 @@ fn shape(sources: &Sources, table: &SkyTable, place: usize) -> Result<SkyShape> 
             SpectrumRef::Constant(number) if number.fract() == 0.0 && (1.0..=16.0).contains(number) => {
                 *number as u8
             }
-            SpectrumRef::Constant(_) => {
+            SpectrumRef::Constant(_) | SpectrumRef::Rgb(_) => {
                 let message =
                     "types of sky are 1 to 15, those of CIE S 011, and 16, the traditional overcast sky";
                 return Err(sources.error(kind.span().start, message));

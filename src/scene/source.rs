@@ -100,6 +100,14 @@ impl Sources {
         })
     }
 
+    /// Adds a file that was read elsewhere, or that has no text; its position 0 is the position returned.
+    pub fn add(&mut self, source: Source) -> usize {
+        let base = self.end;
+        self.end = base + source.text.len() + 1;
+        self.files.push((base, source));
+        base
+    }
+
     /// The directory of the file that holds position `offset`: relative paths start there.
     pub fn directory(&self, offset: usize) -> PathBuf {
         self.holding(offset).1.path.parent().map(Path::to_path_buf).unwrap_or_default()

@@ -4,6 +4,7 @@ use super::csv::{self, ColumnError};
 use super::description::{Name, SpectrumRef, SpectrumTable};
 use super::source::{MAX_CSV_BYTES, Source, Sources};
 use super::suggest;
+use crate::colour::{radiance_of_srgb, reflectance_of_srgb};
 use crate::error::Result;
 use crate::spectrum::{Spectrum, library};
 use std::collections::BTreeMap;
@@ -44,6 +45,7 @@ impl<'a> Spectra<'a> {
         let spectrum = match reference.get_ref() {
             SpectrumRef::Constant(value) => Spectrum::Constant(*value),
             SpectrumRef::Named(name) => self.named(name, as_what).map_err(error)?,
+            SpectrumRef::Rgb(rgb) => of_colour(*rgb, as_what).map_err(error)?,
         };
         let (lowest, highest) = range(&spectrum);
         let fits = match as_what {
@@ -89,6 +91,23 @@ impl<'a> Spectra<'a> {
             suggest::unknown("spectrum", name, &candidates)
         })
     }
+}
+
+/// A reflectance or transmittance of this colour under D65, or the light of this colour whose luminance is that of `rgb` in cd/m².
+fn of_colour(rgb: [f64; 3], as_what: Use) -> std::result::Result<Spectrum, String> {
+    let most = match as_what {
+        Use::Share => 1.0,
+        Use::Power => 1e15,
+        Use::IndexN | Use::Absorption => {
+            return Err(
+                "an index or an absorption has no colour; write a number or the name of a spectrum".into()
+            );
+        }
+    };
+    if !rgb.iter().all(|x| (0.0..=most).contains(x)) {
+        return Err(format!("the components of this colour lie in 0 to {most}; these are {rgb:?}"));
+    }
+    Ok(if as_what == Use::Share { reflectance_of_srgb(rgb) } else { radiance_of_srgb(rgb) })
 }
 
 /// The spectrum of a `[spectra.NAME]` table.

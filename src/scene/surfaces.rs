@@ -1,6 +1,7 @@
-//! From shapes as written and OBJ faces to the geometry of a scene.
+//! From shapes as written and the faces of models to the geometry of a scene.
 
 use super::compile::{MAX_COORDINATE, MIN_RADIUS};
+use super::import;
 use super::parts::{FacePlace, Part};
 use super::{Geometry, ObjectId, SceneDescription, written};
 use crate::error::Result;
@@ -22,6 +23,8 @@ pub struct Shaped {
 struct Face {
     shape: Shape,
     part: usize,
+    /// Faces with the same number are pieces of one smooth surface.
+    patch: u32,
     place: FacePlace,
 }
 
@@ -29,6 +32,7 @@ struct Face {
 #[derive(Clone, Copy, Default)]
 struct Mended {
     warped: usize,
+    not_convex: usize,
     without_area: usize,
 }
 
@@ -46,25 +50,32 @@ pub fn shape(
     let mut shapes = Vec::with_capacity(faces.len());
     let mut places = Vec::with_capacity(faces.len());
     let mut mended = vec![Mended::default(); parts.len()];
-    for (patch, face) in faces.iter().enumerate() {
-        let from_obj = matches!(face.place, FacePlace::Obj(..));
+    for face in &faces {
+        let from_model = matches!(face.place, FacePlace::Model(..));
         let pieces = match pieces(&face.shape, stored) {
-            Ok(pieces) => pieces,
-            Err(Fault::NoArea) if from_obj => {
+            Ok(pieces) => {
+                mended[face.part].warped += pieces.len() - 1;
+                pieces
+            }
+            Err(Fault::NoArea) if from_model => {
                 mended[face.part].without_area += 1;
                 continue;
             }
+            Err(Fault::NotConvex(corner)) if from_model => {
+                mended[face.part].not_convex += 1;
+                cut(&face.shape, corner, stored)
+            }
             Err(fault) => return Err(face.place.error(description, fault.message())),
         };
-        mended[face.part].warped += pieces.len() - 1;
         let two_sided = both_sides(&parts[face.part]);
         for shape in pieces {
-            shapes.push((shape, two_sided, patch as u32, ObjectId(face.part as u32)));
+            shapes.push((shape, two_sided, face.patch, ObjectId(face.part as u32)));
             places.push(face.place);
         }
     }
     if shapes.is_empty() {
-        let message = "there is no surface; add [[objects]] with quads, triangles, discs, spheres, cylinders, cones or an obj file";
+        let message = "there is no surface; add [[objects]] with quads, triangles, discs, spheres, cylinders, cones, or \
+                       an obj or gltf file";
         return Err(description.sources.error(0, message));
     }
     let mut geometry = Geometry::new(shapes, parts.iter().map(|p| p.name.clone()).collect());
@@ -83,7 +94,7 @@ pub fn shape(
         let table = description.document.objects[parts[object.0 as usize].object].get_ref();
         *max_area = table.max_area.as_ref().map(|a| *a.get_ref());
     }
-    Ok(Shaped { geometry, notes: notes(parts, &mended) })
+    Ok(Shaped { geometry, notes: notes(description, parts, &mended) })
 }
 
 /// Whether the `f32` lattice leaves nothing of a surface: no area, or less of what is no polygon than points must be
@@ -97,7 +108,7 @@ fn is_too_small(surface: &Surface, geometry: &Geometry) -> bool {
 /// All faces in the order of the parts; numbers are finite and in range.
 fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
     let mut faces = Vec::new();
-    let mut part = 0;
+    let (mut part, mut patches) = (0, 0);
     for (i, object) in description.document.objects.iter().enumerate() {
         check_object(description, i)?;
         let table = object.get_ref();
@@ -105,20 +116,25 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
         while parts.get(part).is_some_and(|p| p.object == i) {
             part += 1;
         }
-        let Some(mesh) = description.meshes.get(&i) else {
-            let shapes = written::shapes(&description.sources, table)?;
-            let face = |(shape, at)| Face { shape, part: first, place: FacePlace::Toml(at) };
-            faces.extend(shapes.into_iter().map(face));
-            continue;
-        };
+        let drawn = written::shapes(&description.sources, table)?;
+        for (shape, at) in drawn {
+            faces.push(Face { shape, part: first, patch: patches, place: FacePlace::Toml(at) });
+            patches += 1;
+        }
+        let Some(model) = description.models.get(&i) else { continue };
         let scale = table.scale.as_ref().map_or(1.0, |s| *s.get_ref());
         let translate = table.translate.as_ref().map_or(DVec3::ZERO, |t| DVec3::from_array(*t.get_ref()));
-        for face in &mesh.faces {
-            let [a, b, c, d] = face.corners.map(|v| scale * mesh.vertices[v as usize] + translate);
+        let left_out = |face: &&import::Face| {
+            let worn = model.parts[face.part as usize].material.as_deref();
+            table.leave_out.iter().any(|name| worn == Some(name.get_ref().as_str()))
+        };
+        for face in model.faces.iter().filter(|face| !left_out(face)) {
+            let [a, b, c, d] = face.corners.map(|v| scale * model.vertices[v as usize] + translate);
             let shape = if face.count == 4 { Shape::Quad([a, b, c, d]) } else { Shape::Triangle([a, b, c]) };
-            let place = FacePlace::Obj(i, face.place);
-            faces.push(Face { shape, part: first + face.part as usize, place });
+            let (part, patch) = (first + face.part as usize, patches + face.patch);
+            faces.push(Face { shape, part, patch, place: FacePlace::Model(i, face.place) });
         }
+        patches += model.patches;
     }
     faces.retain_mut(|face| {
         let part = &parts[face.part];
@@ -152,21 +168,34 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
 fn check_object(description: &SceneDescription, i: usize) -> Result<()> {
     let object = &description.document.objects[i];
     let (table, sources) = (object.get_ref(), &description.sources);
-    if written::is_drawn(table) == table.obj.is_some() {
+    let files = usize::from(table.obj.is_some()) + usize::from(table.gltf.is_some());
+    let is_model = description.models.contains_key(&i);
+    if written::is_drawn(table) == is_model || files > 1 {
         let message = format!(
-            "object \"{}\" needs `quads`, `triangles`, `discs`, `spheres`, `cylinders` or `cones`, or else `obj`; give \
-             one or the other",
+            "object \"{}\" needs `quads`, `triangles`, `discs`, `spheres`, `cylinders` or `cones`, or else `obj` or \
+             `gltf`; give one or the other",
             table.name.get_ref()
         );
         return Err(sources.error(object.span().start, message));
+    }
+    if let Some(model) = description.models.get(&i)
+        && let Some(wrong) = table
+            .leave_out
+            .iter()
+            .find(|name| model.parts.iter().all(|p| p.material.as_deref() != Some(name.get_ref().as_str())))
+    {
+        let message =
+            format!("no face of the file wears the material \"{}\"; mind the name", wrong.get_ref());
+        return Err(sources.error(wrong.span().start, message));
     }
     let with_obj = [
         table.scale.as_ref().map(toml::Spanned::span),
         table.translate.as_ref().map(toml::Spanned::span),
         table.materials.keys().next().map(toml::Spanned::span),
+        table.leave_out.first().map(toml::Spanned::span),
     ];
-    if let Some(span) = with_obj.into_iter().flatten().next().filter(|_| table.obj.is_none()) {
-        let message = "`scale`, `translate` and `materials` go with `obj`";
+    if let Some(span) = with_obj.into_iter().flatten().next().filter(|_| !is_model) {
+        let message = "`scale`, `translate`, `materials` and `leave_out` go with `obj` and `gltf`";
         return Err(sources.error(span.start, message));
     }
     for (number, what) in [(&table.scale, "`scale`"), (&table.max_area, "`max_area`, m2,")] {
@@ -198,6 +227,14 @@ impl Fault {
     }
 }
 
+/// The triangles on both sides of the diagonal from the corner that spoils a quadrilateral; those that have an area.
+fn cut(quad: &Shape, corner: usize, stored: impl Fn(DVec3) -> DVec3) -> Vec<Shape> {
+    let Shape::Quad(v) = quad else { return Vec::new() };
+    let triangle = |steps: [usize; 3]| steps.map(|s| v[(corner + s) % 4]);
+    let triangles = [triangle([0, 1, 2]), triangle([0, 2, 3])];
+    triangles.into_iter().filter(|t| is_triangle(&t.map(&stored))).map(Shape::Triangle).collect()
+}
+
 /// The surfaces that stand for a face: itself, or the two triangles of a warped quadrilateral.
 /// `stored` gives a corner as the geometry will hold it.
 fn pieces(shape: &Shape, stored: impl Fn(DVec3) -> DVec3) -> std::result::Result<Vec<Shape>, Fault> {
@@ -217,15 +254,35 @@ fn pieces(shape: &Shape, stored: impl Fn(DVec3) -> DVec3) -> std::result::Result
     }
 }
 
-fn notes(parts: &[Part], mended: &[Mended]) -> Vec<String> {
-    let mut notes = Vec::new();
+/// What was mended, by object; all that came from one model together.
+fn notes(description: &SceneDescription, parts: &[Part], mended: &[Mended]) -> Vec<String> {
+    let mut of_object: Vec<(&str, Mended)> = Vec::new();
     for (part, mended) in parts.iter().zip(mended) {
-        let Mended { warped, without_area } = *mended;
-        let name = &part.name;
+        let name = match part.model_part {
+            Some(_) => description.document.objects[part.object].get_ref().name.get_ref(),
+            None => &part.name,
+        };
+        match of_object.last_mut().filter(|(last, _)| last == name) {
+            Some((_, sum)) => {
+                sum.warped += mended.warped;
+                sum.not_convex += mended.not_convex;
+                sum.without_area += mended.without_area;
+            }
+            None => of_object.push((name, *mended)),
+        }
+    }
+    let mut notes = Vec::new();
+    for (name, Mended { warped, not_convex, without_area }) in of_object {
         if warped > 0 {
             let are = if warped == 1 { "quadrilateral is" } else { "quadrilaterals are" };
             notes.push(format!(
                 "object \"{name}\": {warped} {are} out of plane, each is taken as two triangles"
+            ));
+        }
+        if not_convex > 0 {
+            let are = if not_convex == 1 { "quadrilateral is" } else { "quadrilaterals are" };
+            notes.push(format!(
+                "object \"{name}\": {not_convex} {are} not convex, each is cut in two triangles"
             ));
         }
         if without_area > 0 {
