@@ -207,6 +207,10 @@ pub struct Lighting {
     /// Stop the solution when this share of the emitted flux is not yet absorbed [default: 0.0001]
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
+    /// How near rough lobes between many directions are to be found from few, as a share of their height; 0: exactly
+    /// [default: 0.1]
+    #[arg(long, value_name = "SHARE")]
+    pub lobe_tolerance: Option<f64>,
     /// Exchange light between points and clusters of points with a form factor of this at most, 0.01 for instance, in
     /// place of all pairs: for many points, without specular materials [default: all pairs]
     #[arg(long, value_name = "FORM_FACTOR", conflicts_with = "graph")]

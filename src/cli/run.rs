@@ -112,6 +112,13 @@ pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
         first.tolerance = tolerance;
     }
     first.most_specular = options.most_specular;
+    if let Some(tolerance) = options.lobe_tolerance {
+        if !(0.0..1.0).contains(&tolerance) {
+            let message = format!("--lobe-tolerance {tolerance}: give a share from 0 to less than 1");
+            return Err(Error::Settings(message));
+        }
+        first.lobe_tolerance = tolerance;
+    }
     if options.lg_max.is_some() {
         first.chain.lg_max = options.lg_max;
     }

@@ -3,12 +3,12 @@
 use super::directions::{Directions, LANES, Lanes};
 use super::lights::PointLighting;
 use super::lobe_table::{BAND, LobeTable};
-use super::rows::Pass;
+use super::nodes::Nodes;
+use super::rows::{Pass, Rows};
 use super::scatter::spread;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
 use crate::simd::wide;
-use rayon::prelude::*;
 
 /// Radiance on its way from specular point to specular point: per point, `[links][W]`.
 pub type State = Vec<Vec<f32>>;
@@ -31,6 +31,8 @@ pub struct Outgoing {
     pub entered: Vec<f64>,
     /// Flux absorbed on the way, W nm⁻¹: `[W]`.
     pub medium: Vec<f64>,
+    /// In the first bounce the irradiance that came in, parts that are negative taken as positive, W m⁻² nm⁻¹: `[W]`.
+    pub strength: Vec<f64>,
 }
 
 /// The sources of one bounce: diffuse radiance or point lights in the first, radiance under way in the others, both to deliver.
@@ -94,26 +96,25 @@ impl Bounce<'_> {
         let w = self.set.wavelengths;
         let point = &self.set.points[s];
         let mut radiance = vec![[0.0; LANES]; groups * w];
-        if groups == 0 {
-            return Outgoing { radiance, entered: Vec::new(), medium: Vec::new() };
+        if groups == 0 && self.state.is_some() {
+            return Outgoing { radiance, entered: Vec::new(), medium: Vec::new(), strength: Vec::new() };
         }
         let Incoming { light, mut entered, mut medium } = self.incoming(s);
+        let mut strength = self.lights.map_or_else(|| vec![0.0; w], |lights| lights.on(s, w).0);
+        if self.state.is_none() {
+            for light in light.chunks_exact(w) {
+                for (strength, light) in strength.iter_mut().zip(light) {
+                    *strength += f64::from(light.iter().map(|l| l.abs()).sum::<f32>());
+                }
+            }
+        }
+        if groups == 0 {
+            return Outgoing { radiance, entered, medium, strength };
+        }
         if let Some(material) = self.set.material(point) {
             let (lobe, table) = (&point.reflection, reflectance(point, material));
-            let known = light.len() / w;
-            let all = groups.max(known);
-            let mut out = vec![[0.0; LANES]; all * w];
-            wide(Pass {
-                rows: &point.rows,
-                table,
-                from: lobe,
-                to: lobe,
-                count: groups.min(known) * LANES,
-                groups: all,
-                w,
-                light: &scaled(lobe, w, &light),
-                out: &mut out,
-            });
+            let sent = scaled(lobe, w, &light);
+            let out = reflect((point.nodes.as_ref(), &point.rows, table), lobe, w, &sent, groups);
             rescale(lobe, w, 1.0, &out, &mut radiance);
             spread(lobe, table, w, &light, &mut radiance);
             if let (Some(twin), Some(table), Some(to)) = (point.twin, &material.transmit, &point.transmission)
@@ -156,34 +157,30 @@ impl Bounce<'_> {
                 }
             }
         }
-        Outgoing { radiance, entered, medium }
+        Outgoing { radiance, entered, medium, strength }
     }
+}
 
-    /// Flux and largest irradiance that the first bounce starts from.
-    pub fn strength(&self) -> (Vec<f64>, f64) {
-        let w = self.set.wavelengths;
-        let per_point: Vec<Vec<f64>> = (0..self.set.points.len())
-            .into_par_iter()
-            .map(|s| {
-                let mut irradiance = self.lights.map_or_else(|| vec![0.0; w], |l| l.on(s, w).0);
-                for light in self.incoming(s).light.chunks_exact(w) {
-                    for (e, light) in irradiance.iter_mut().zip(light) {
-                        *e += f64::from(light.iter().map(|l| l.abs()).sum::<f32>());
-                    }
-                }
-                irradiance
-            })
-            .collect();
-        let (mut flux, mut largest) = (vec![0.0; w], 0.0f64);
-        for (point, irradiance) in self.set.points.iter().zip(&per_point) {
-            let area = f64::from(self.points.area[point.point as usize]);
-            for c in 0..w {
-                flux[c] += area * irradiance[c];
-                largest = largest.max(irradiance[c]);
-            }
-        }
-        (flux, largest)
+/// What a lobe of reflection, with its nodes if it has any and its rows, makes of `light`, towards the first `groups` of
+/// `ends` at least.
+pub(super) fn reflect(
+    (nodes, rows, table): (Option<&Nodes>, &Rows, &LobeTable),
+    ends: &Directions,
+    w: usize,
+    light: &[Lanes],
+    groups: usize,
+) -> Vec<Lanes> {
+    if let Some(nodes) = nodes {
+        let light = nodes.gather(w, light);
+        let out = reflect((None, rows, table), &nodes.directions, w, &light, nodes.groups(groups));
+        return nodes.scatter(w, groups, &out);
     }
+    let known = light.len() / w;
+    let all = groups.max(known);
+    let mut out = vec![[0.0; LANES]; all * w];
+    let count = groups.min(known) * LANES;
+    wide(Pass { rows, table, from: ends, to: ends, count, groups: all, w, light, out: &mut out });
+    out
 }
 
 /// Light times the scale factors of where it comes from.

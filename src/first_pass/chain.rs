@@ -1,7 +1,7 @@
 //! The specular chains D(S...)D: what diffuse radiance becomes after one or more specular
 //! reflections or transmissions in a row (the global specular operator of section 3.3).
 
-use super::bounce::{Bounce, State};
+use super::bounce::{Bounce, Outgoing, State};
 use super::directions::LANES;
 use super::flow::ChainFlow;
 use super::lights::PointLighting;
@@ -62,11 +62,11 @@ impl SpecularSet {
         loop {
             let under_way = state.as_ref();
             let onward = Bounce { set: self, points, radiance: None, lights: None, state: under_way };
-            let next = self.bounce(if state.is_none() { first } else { &onward });
+            let (next, strength) = self.bounce(if state.is_none() { first } else { &onward });
             flow.bounces += 1;
             let pending = self.pending(points, &next);
             if flow.bounces == 1 {
-                start = first.strength();
+                start = self.start(points, &strength);
             }
             let worst = relative(&pending.flux, &start.0);
             if flow.bounces >= longest || worst <= limits.tolerance {
@@ -83,15 +83,17 @@ impl SpecularSet {
         flow
     }
 
-    /// One bounce of all points, as far as specular points see it.
-    fn bounce(&self, bounce: &Bounce) -> State {
+    /// One bounce of all points, as far as specular points see it; also [`Outgoing::strength`] of each.
+    fn bounce(&self, bounce: &Bounce) -> (State, Vec<Vec<f64>>) {
         let w = self.wavelengths;
+        let mut strength = Vec::with_capacity(self.points.len());
         let mut next: State = self.points.iter().map(|p| vec![0.0; p.links.len() * w]).collect();
         for first in (0..self.points.len()).step_by(BLOCK) {
             let block = first..(first + BLOCK).min(self.points.len());
-            let towards = |s: usize| bounce.outgoing(s, self.points[s].link_groups).radiance;
-            let outgoing: Vec<Vec<_>> = block.clone().into_par_iter().map(towards).collect();
-            for (s, radiance) in block.zip(&outgoing) {
+            let towards = |s: usize| bounce.outgoing(s, self.points[s].link_groups);
+            let outgoing: Vec<Outgoing> = block.clone().into_par_iter().map(towards).collect();
+            for (s, Outgoing { radiance, strength: own, .. }) in block.zip(outgoing) {
+                strength.push(own);
                 for link in self.points[s].links.iter().filter(|l| l.back != NO_POINT) {
                     let (group, lane) = (link.member as usize / LANES * w, link.member as usize % LANES);
                     let next = &mut next[link.point as usize][link.back as usize * w..][..w];
@@ -99,7 +101,20 @@ impl SpecularSet {
                 }
             }
         }
-        next
+        (next, strength)
+    }
+
+    /// Flux and largest irradiance that the first bounce starts from.
+    fn start(&self, points: &SamplePoints, strength: &[Vec<f64>]) -> (Vec<f64>, f64) {
+        let (mut flux, mut largest) = (vec![0.0; self.wavelengths], 0.0f64);
+        for (point, irradiance) in self.points.iter().zip(strength) {
+            let area = f64::from(points.area[point.point as usize]);
+            for (flux, irradiance) in flux.iter_mut().zip(irradiance) {
+                *flux += area * irradiance;
+                largest = largest.max(*irradiance);
+            }
+        }
+        (flux, largest)
     }
 
     /// What all the light that ever arrived at specular points becomes: irradiance and flows. Specular points take

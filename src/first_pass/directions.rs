@@ -252,6 +252,14 @@ impl Directions {
         d
     }
 
+    /// The same directions of a rough lobe of another `m2`, not yet scaled.
+    pub fn roughened(mut self, m2: f32) -> Self {
+        self.origin.m2 = m2;
+        self.scale.fill([1.0; LANES]);
+        self.spread.clear();
+        self
+    }
+
     /// Direction `i`.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Direction {

@@ -3,6 +3,7 @@
 use super::balance::{Element, balance};
 use super::bounce::reflectance;
 use super::directions::{Directions, LANES};
+use super::nodes::Nodes;
 use super::normalise::{Face, normalise_reflection, normalise_solid};
 use super::rows::{BYTES, Rows};
 use super::specular::{SpecularPoint, SpecularSet};
@@ -20,12 +21,15 @@ impl SpecularPoint {
 }
 
 impl SpecularSet {
-    /// Finds the rows of all lobes that have none, and keeps about `most_bytes` of them.
-    pub(super) fn find_rows(&mut self, most_bytes: u64) {
+    /// Finds the nodes, to a `tolerance`, and the rows of all lobes that have none, and keeps about `most_bytes` of the rows.
+    pub(super) fn find_rows(&mut self, tolerance: f32, most_bytes: u64) {
         let lobes = self.points.iter().map(|p| 1 + usize::from(p.transmission.is_some())).sum::<usize>();
         let most = most_bytes as usize / lobes.max(1) / BYTES;
         self.points.par_iter_mut().filter(|p| !p.scaled).for_each(|p| {
-            p.rows = Rows::new(&p.reflection, &p.reflection, true, most);
+            // Reflection and transmission of glass are ideal.
+            p.nodes = Nodes::new(&p.reflection, p.link_groups, tolerance);
+            let ends = p.nodes.as_ref().map_or(&p.reflection, |nodes| &nodes.directions);
+            p.rows = Rows::new(ends, ends, true, most);
         });
         let through = |p: &SpecularPoint| {
             let twin = &self.points[p.twin.filter(|_| !p.scaled)? as usize];
@@ -50,7 +54,8 @@ impl SpecularSet {
             .filter_map(|p| materials[p.material].as_ref().map(|m| (p, m)))
             .filter(|(p, _)| p.reflection.origin.m2 > 0.0)
             .for_each(|(p, m)| {
-                p.errors.push(normalise_reflection(&mut p.reflection, &p.rows, &m.albedo));
+                let SpecularPoint { reflection, nodes, rows, errors, .. } = p;
+                errors.push(normalise_reflection(reflection, (nodes.as_ref(), rows), &m.albedo));
                 observer.advance(1);
             });
         for through in [false, true] {

@@ -7,6 +7,7 @@
 
 mod balance;
 mod bounce;
+mod cells;
 pub mod chain;
 pub mod diffuse;
 pub mod directions;
@@ -26,6 +27,7 @@ pub mod lobe_table;
 mod lobes;
 pub mod member;
 pub mod near;
+mod nodes;
 mod normalise;
 mod openings;
 mod pair_kernel;

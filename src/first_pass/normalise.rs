@@ -8,6 +8,7 @@
 
 use super::directions::{Directions, LANES, Lanes};
 use super::lobe_table::LobeTable;
+use super::nodes::Nodes;
 use super::rows::Rows;
 use super::scaling::{Problem, lower};
 use crate::material::AlbedoTable;
@@ -22,6 +23,17 @@ fn product(
     let mut sums = rows.product(from, to, table, &weighted(to, Some(x)));
     sums.iter_mut().enumerate().for_each(|(l, sum)| *sum *= from.scale_of(l));
     sums
+}
+
+/// [`product`] of a reflection by way of nodes.
+fn by_nodes(rows: &Rows, nodes: &Nodes, members: &Directions, x: &[f32]) -> Vec<f32> {
+    let light = nodes.gather(1, &weighted(members, Some(x)));
+    let sums = rows.product(&nodes.directions, &nodes.directions, None, &light);
+    let mut lanes = vec![[0.0; LANES]; nodes.directions.groups()];
+    sums.iter().enumerate().for_each(|(p, sum)| lanes[p / LANES][p % LANES] = *sum);
+    let sums = nodes.scatter(1, members.groups(), &lanes);
+    let scales = members.scale.iter().flatten();
+    sums.iter().flatten().zip(scales).map(|(sum, u)| sum * u).take(members.len).collect()
 }
 
 /// Weight times scale of every direction, times `x`.
@@ -60,13 +72,20 @@ fn spread(directions: &mut Directions, lacks: &[f32]) {
         if root > 0.0 { lacks.iter().map(|lacks| lacks / root).collect() } else { Vec::new() };
 }
 
-/// Scales the reflection lobe of one point, given its `rows`, to the directional `albedo`. Returns the (mean, largest)
+/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`. Returns the (mean, largest)
 /// share of the light that balancing did not place in its lobe.
-pub fn normalise_reflection(directions: &mut Directions, rows: &Rows, albedo: &AlbedoTable) -> (f64, f64) {
+pub fn normalise_reflection(
+    directions: &mut Directions,
+    (nodes, rows): (Option<&Nodes>, &Rows),
+    albedo: &AlbedoTable,
+) -> (f64, f64) {
     let measure: Vec<f32> = weights(directions).collect();
     let target: Vec<f32> = cosines(directions).map(|z| albedo.eval(z)).collect();
     let problem = Problem {
-        product: |x: &[f32]| product(rows, (directions, directions), None, x),
+        product: |x: &[f32]| match nodes {
+            None => product(rows, (directions, directions), None, x),
+            Some(nodes) => by_nodes(rows, nodes, directions, x),
+        },
         measure: &measure,
         target: &target,
     };
@@ -154,18 +173,17 @@ pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
+    use super::super::bounce::reflect;
     use super::super::directions::{Direction, Origin, tile_order};
     use super::super::lobe;
-    use super::super::rows::Pass;
     use super::super::scatter::spread;
     use super::*;
     use crate::material::FresnelTable;
-    use crate::simd::wide;
     use std::f32::consts::{PI, TAU};
 
     /// A hemisphere of `rings` rings of equal projected solid angle, seen from an element of a tenth of their distance.
-    fn hemisphere(m: f32, rings: usize) -> Directions {
+    pub fn hemisphere(m: f32, rings: usize) -> Directions {
         let mut list = Vec::new();
         for ring in 0..rings {
             let count = 6 * ring + 3;
@@ -190,35 +208,38 @@ mod tests {
     #[test]
     fn rough_lobes_return_their_albedo() {
         let table = LobeTable::new(&FresnelTable::new(1, 20, |_, _| 1.0), 1.0, false);
+        let mut by_nodes = 0;
         for m in [0.05, 0.1, 0.3, 0.6, 1.0] {
             for rings in [6, 20] {
                 let albedo = AlbedoTable::new(f64::from(m));
-                let mut members = hemisphere(m, rings);
-                let rows = Rows::new(&members, &members, true, 3000);
-                let (mean, largest) = normalise_reflection(&mut members, &rows, &albedo);
-                println!("m {m}, {rings} rings: {mean:.1e} of the light is spread, {largest:.1e} at most");
-                assert!(mean < 3e-4 && largest < 1e-3, "m {m}: {mean} {largest}");
-                let light: Vec<Lanes> = weighted(&members, None);
-                let mut radiance = vec![[0.0; LANES]; members.groups()];
-                wide(Pass {
-                    rows: &rows,
-                    table: &table,
-                    from: &members,
-                    to: &members,
-                    count: members.len,
-                    groups: members.groups(),
-                    w: 1,
-                    light: &light,
-                    out: &mut radiance,
-                });
-                for (radiance, u) in radiance.iter_mut().zip(&members.scale) {
-                    (0..LANES).for_each(|lane| radiance[lane] *= u[lane]);
-                }
-                spread(&members, &table, 1, &members.weight, &mut radiance);
-                for (z, l) in cosines(&members).zip(radiance.iter().flatten()) {
-                    assert!((l - albedo.eval(z)).abs() < 2e-5, "m {m}: {l} for {}", albedo.eval(z));
+                for tolerance in [0.0, 0.1] {
+                    let mut members = hemisphere(m, rings);
+                    let nodes = Nodes::new(&members, 0, tolerance);
+                    if tolerance > 0.0 && nodes.is_none() {
+                        continue;
+                    }
+                    by_nodes += usize::from(nodes.is_some());
+                    let ends = nodes.as_ref().map_or(&members, |nodes| &nodes.directions);
+                    let rows = Rows::new(ends, ends, true, 3000);
+                    let (mean, largest) =
+                        normalise_reflection(&mut members, (nodes.as_ref(), &rows), &albedo);
+                    println!(
+                        "m {m}, {rings} rings: {mean:.1e} of the light is spread, {largest:.1e} at most"
+                    );
+                    assert!(mean < 3e-4 && largest < 1e-3, "m {m}: {mean} {largest}");
+                    let light: Vec<Lanes> = weighted(&members, None);
+                    let lobe = (nodes.as_ref(), &rows, &table);
+                    let mut radiance = reflect(lobe, &members, 1, &light, members.groups());
+                    for (radiance, u) in radiance.iter_mut().zip(&members.scale) {
+                        (0..LANES).for_each(|lane| radiance[lane] *= u[lane]);
+                    }
+                    spread(&members, &table, 1, &members.weight, &mut radiance);
+                    for (z, l) in cosines(&members).zip(radiance.iter().flatten()) {
+                        assert!((l - albedo.eval(z)).abs() < 2e-5, "m {m}: {l} for {}", albedo.eval(z));
+                    }
                 }
             }
         }
+        assert!(by_nodes >= 3, "{by_nodes} lobes have nodes");
     }
 }

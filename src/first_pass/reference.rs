@@ -8,6 +8,7 @@
 use super::bounce::reflectance;
 use super::directions::Directions;
 use super::lobe_table::LobeTable;
+use super::nodes::Nodes;
 use super::scatter::spread_between;
 use super::settings::ChainLimits;
 use super::specular::SpecularSet;
@@ -93,6 +94,7 @@ struct Lobe<'a> {
     from: &'a Directions,
     to: &'a Directions,
     out: usize,
+    nodes: Option<&'a Nodes>,
     table: &'a LobeTable,
     gain: f32,
 }
@@ -111,13 +113,19 @@ impl Evaluation<'_> {
             .map(|c| carried[c] * f64::from(point.q_in[from]) * f64::from(self.set.through(point, from, c)))
             .collect();
         let reflect = reflectance(point, material);
-        let mut lobes =
-            vec![Lobe { from: &point.reflection, to: &point.reflection, out: s, table: reflect, gain: 1.0 }];
+        let mut lobes = vec![Lobe {
+            from: &point.reflection,
+            to: &point.reflection,
+            out: s,
+            nodes: point.nodes.as_ref(),
+            table: reflect,
+            gain: 1.0,
+        }];
         if let (Some(twin), Some(table), Some(here)) = (point.twin, &material.transmit, &point.transmission)
             && let Some(there) = &self.set.points[twin as usize].transmission
         {
             let gain = if point.inside { 1.0 } else { material.n2 };
-            lobes.push(Lobe { from: here, to: there, out: twin as usize, table, gain });
+            lobes.push(Lobe { from: here, to: there, out: twin as usize, nodes: None, table, gain });
         }
         for lobe in lobes {
             self.pass_on(j, &lobe, from, &arriving, lg);
@@ -129,18 +137,30 @@ impl Evaluation<'_> {
         let (n, w) = (self.system.points.len(), arriving.len());
         let out = &self.set.points[lobe.out];
         let a = lobe.from.get(from);
+        // The (B, cosine) that the lobe is made up of, each with its share.
+        let parts = |k: usize| -> Vec<(f32, (f32, f32))> {
+            let Some(nodes) = lobe.nodes else { return vec![(1.0, lobe.to.lobe_at(&a, k))] };
+            let ends = &nodes.directions;
+            let between = |p, q| ends.lobe_at(&ends.get(p), q);
+            let towards = nodes.of(k);
+            let from = nodes.of(from).into_iter();
+            from.flat_map(|(p, u)| towards.iter().map(move |&(q, v)| (u * v, between(p, q)))).collect()
+        };
         for (k, &member) in out.members.iter().enumerate().filter(|(_, m)| **m != NO_POINT) {
-            let (b, cosine) = lobe.to.lobe_at(&a, k);
+            let parts = parts(k);
             let spreads = lobe.from.spread.get(from).is_some_and(|h| *h > 0.0);
-            if b == 0.0 && !spreads {
+            if parts.iter().all(|(_, (b, _))| *b == 0.0) && !spreads {
                 continue;
             }
-            let scale = b * lobe.from.scale_of(from) * lobe.to.scale_of(k) * lobe.gain * lobe.from.gain;
+            let scale = lobe.from.scale_of(from) * lobe.to.scale_of(k) * lobe.gain * lobe.from.gain;
             let spread =
                 |c: usize| if spreads { spread_between(lobe.from, from, k, lobe.table, c) } else { 0.0 };
-            let carried: Vec<f64> = (0..w)
-                .map(|c| arriving[c] * f64::from(scale * lobe.table.value(cosine, c) + spread(c)))
-                .collect();
+            let share = |c: usize| {
+                let of = |(share, (b, cosine)): &(f32, (f32, f32))| share * b * lobe.table.value(*cosine, c);
+                parts.iter().map(of).sum::<f32>()
+            };
+            let carried: Vec<f64> =
+                (0..w).map(|c| arriving[c] * f64::from(scale * share(c) + spread(c))).collect();
             for (c, carried) in carried.iter().enumerate() {
                 let reaches = f64::from(out.q_out[k]) * f64::from(self.set.through(out, k, c));
                 let rho = f64::from(self.system.reflectance[c * n + member as usize]);

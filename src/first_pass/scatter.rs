@@ -2,7 +2,7 @@
 
 use super::directions::{Directions, LANES, Lanes};
 use super::lobe_table::{BAND, Band, LobeTable};
-use crate::simd::HotLoop;
+use crate::simd::{HotLoop, wide};
 use glam::Vec4;
 
 /// What one kind of scattering does.
@@ -69,40 +69,74 @@ impl HotLoop for Scatter<'_> {
 
 /// Adds h_k Σ_l h_l light_l to the radiance towards every k in the first groups; light and radiance `[groups][W]`.
 pub fn spread(members: &Directions, table: &LobeTable, w: usize, light: &[Lanes], radiance: &mut [Lanes]) {
-    if members.spread.is_empty() {
-        return;
+    if !members.spread.is_empty() {
+        wide(Spread { members, table, w, light, radiance });
     }
-    let count = members.len.min(light.len().max(radiance.len()) / w * LANES);
-    for band in 0..w.div_ceil(BAND) {
-        let here = BAND * band..w.min(BAND * (band + 1));
-        let ends: Vec<Band> = (0..count)
-            .map(|k| spread_factor(members, k, table, band).map(|f| f * members.spread[k]))
-            .collect();
-        let mut sum = [0.0; BAND];
-        for (light, ends) in light.chunks_exact(w).zip(ends.chunks(LANES)) {
-            for (sum, (light, k)) in sum.iter_mut().zip(light[here.clone()].iter().zip(0..)) {
-                *sum += light.iter().zip(ends).map(|(l, end): (&f32, &Band)| l * end[k]).sum::<f32>();
+}
+
+/// [`spread`].
+struct Spread<'a> {
+    members: &'a Directions,
+    table: &'a LobeTable,
+    w: usize,
+    light: &'a [Lanes],
+    radiance: &'a mut [Lanes],
+}
+
+impl HotLoop for Spread<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Spread { members, table, w, light, radiance } = self;
+        let groups = light.len().max(radiance.len()) / w;
+        let mut ends = vec![[[0.0; BAND]; LANES]; groups];
+        for band in 0..w.div_ceil(BAND) {
+            let here = BAND * band..w.min(BAND * (band + 1));
+            for ((ends, h), z) in ends.iter_mut().zip(members.spread.chunks(LANES)).zip(&members.z) {
+                let mut shares = [0.0; LANES];
+                shares[..h.len()].copy_from_slice(h);
+                *ends = spread_factors(members, z, table, band);
+                for (end, h) in ends.iter_mut().zip(&shares) {
+                    end.iter_mut().for_each(|end| *end *= h);
+                }
             }
-        }
-        for (radiance, ends) in radiance.chunks_exact_mut(w).zip(ends.chunks(LANES)) {
-            for ((radiance, sum), k) in radiance[here.clone()].iter_mut().zip(sum).zip(0..) {
-                radiance.iter_mut().zip(ends).for_each(|(l, end)| *l += end[k] * sum);
+            let mut sum = [0.0; BAND];
+            for (light, ends) in light.chunks_exact(w).zip(&ends) {
+                for (k, light) in light[here.clone()].iter().enumerate() {
+                    sum[k] += light.iter().zip(ends).map(|(l, end)| l * end[k]).sum::<f32>();
+                }
+            }
+            for (radiance, ends) in radiance.chunks_exact_mut(w).zip(&ends) {
+                for (k, radiance) in radiance[here.clone()].iter_mut().enumerate() {
+                    radiance.iter_mut().zip(ends).for_each(|(l, end)| *l += end[k] * sum[k]);
+                }
             }
         }
     }
 }
 
 /// What light that is spread is multiplied by at either end: the root of F at its own angle, so that both ends together
-/// give F. The balance of solids, whose transmission makes up for F, holds F already.
-fn spread_factor(members: &Directions, k: usize, table: &LobeTable, band: usize) -> Band {
+/// give F. The balance of solids, whose transmission makes up for F, holds F already. For directions of cosines `z`.
+#[inline(always)]
+fn spread_factors(members: &Directions, z: &Lanes, table: &LobeTable, band: usize) -> [Band; LANES] {
     if members.origin.m2 == 0.0 {
-        return [1.0; BAND];
+        return [[1.0; BAND]; LANES];
     }
-    table.band(members.z[k / LANES][k % LANES], band).map(|f| f.max(0.0).sqrt())
+    let (slot, f) = table.slots(&z.map(|z| 1.0 - z.clamp(0.0, 1.0).sqrt()));
+    let mut factors = [[0.0; BAND]; LANES];
+    for lane in 0..LANES {
+        let (here, step) = table.entry(slot[lane], band);
+        for k in 0..BAND {
+            factors[lane][k] = (here[k] + f[lane] * step[k]).max(0.0).sqrt();
+        }
+    }
+    factors
 }
 
 /// What is spread from direction `l` to `k` at wavelength `c`, besides their lobe.
 pub fn spread_between(members: &Directions, l: usize, k: usize, table: &LobeTable, c: usize) -> f32 {
-    let end = |k: usize| members.spread[k] * spread_factor(members, k, table, c / BAND)[c % BAND];
+    let factors = |k: usize| spread_factors(members, &members.z[k / LANES], table, c / BAND);
+    let end = |k: usize| members.spread[k] * factors(k)[k % LANES][c % BAND];
     end(l) * end(k)
 }

@@ -54,6 +54,10 @@ pub struct FirstPassSettings {
     pub tolerance: f64,
     /// Give up after this many sweeps over all pairs of points (N shots count as one sweep).
     pub max_sweeps: u32,
+    /// Rough lobes are found from their values between a few directions, where no more than about this share of their
+    /// height is lost by it in cells of directions (root mean square; of lobes wider than m = 0.4 some 0.04
+    /// at least, near grazing angles); 0: between all pairs of directions.
+    pub lobe_tolerance: f64,
     /// About so many bytes at most are kept of form factors, and as many of lobes, so that the next sweep, bounce or
     /// appearance need not find them again. What is not kept is found anew each time; the bits are the same.
     pub kept_bytes: u64,
@@ -77,6 +81,7 @@ impl Default for FirstPassSettings {
             solver: Solver::default(),
             tolerance: 1e-4,
             max_sweeps: 2000,
+            lobe_tolerance: 0.1,
             kept_bytes: 1 << 30,
             count_visibility_calls: false,
             parts: false,
@@ -100,6 +105,7 @@ impl FirstPassSettings {
         share("the first pass's tolerance", self.tolerance, 1e-6)?;
         share("the chains' tolerance", self.chain.tolerance, 0.0)?;
         share("eff_min", self.chain.eff_min, 0.0)?;
+        share("the tolerance of lobes", self.lobe_tolerance, 0.0)?;
         if self.max_sweeps == 0 {
             return Err(Error::Settings("max_sweeps must be at least 1".into()));
         }

@@ -3,9 +3,10 @@
 use super::directions::{Direction, Directions, LANES, Origin};
 use super::lobe_table::BAND;
 use super::member::{Frame, members, outside};
+use super::nodes::Nodes;
 use super::rows::Rows;
 use super::settings::Kernel;
-pub use super::specular_material::{Shape, SpecularMaterial};
+pub use super::specular_material::{Shape, SpecularMaterial, is_rough};
 use crate::geometry::Side;
 use crate::observer::Observer;
 use crate::points::{NO_POINT, SamplePoints};
@@ -57,7 +58,9 @@ pub struct SpecularPoint {
     pub(super) errors: Vec<(f64, f64)>,
     /// Whether its lobes have been scaled.
     pub(super) scaled: bool,
-    /// The rows of its reflection.
+    /// Nodes of its reflection, where they pay.
+    pub(super) nodes: Option<Nodes>,
+    /// The rows of its reflection: between nodes if it has any.
     pub(super) rows: Rows,
     /// The rows of what goes from here through the glass.
     pub(super) through: Option<Rows>,
@@ -99,7 +102,7 @@ impl SpecularSet {
         points: &SamplePoints,
         graph: &VisibilityGraph,
         appearance: &SampledAppearance,
-        (kernel, tolerance, most_bytes): (Kernel, f32, u64),
+        (kernel, tolerance, lobe_tolerance, most_bytes): (Kernel, f32, f32, u64),
         earlier: Option<SpecularSet>,
         observer: &dyn Observer,
     ) -> Self {
@@ -148,6 +151,7 @@ impl SpecularSet {
                 links: Vec::new(),
                 errors: Vec::new(),
                 scaled: false,
+                nodes: None,
                 rows: Rows::default(),
                 through: None,
             }
@@ -181,14 +185,21 @@ impl SpecularSet {
             let refracts = |p: &SpecularPoint| p.transmission.as_ref().is_some_and(|t| !t.origin.straight);
             found.iter_mut().for_each(|f| f.1 = f.1.take().filter(|p| !refracts(p)));
         }
-        set.reused = found.iter().filter(|f| f.1.is_some()).count() as u64;
+        set.reused = found.iter().filter(|f| f.1.as_ref().is_some_and(|p| p.scaled)).count() as u64;
         observer.begin("specular points", chosen.len() as u64 - set.reused);
         let fresh = |(i, kept): (u32, Option<SpecularPoint>)| match kept {
             Some(kept) => {
                 let glass = kept.twin.is_some();
                 let twin = chosen.binary_search(&points.twin[i as usize]).ok().filter(|_| glass);
                 let (material, twin) = (material_of(i as usize), twin.map(|t| t as u32));
-                SpecularPoint { material, twin, ..kept }
+                let point = SpecularPoint { material, twin, ..kept };
+                if point.scaled {
+                    return point;
+                }
+                let m2 = materials[material].as_ref().map_or(0.0, |m| m.m2);
+                let reflection = point.reflection.roughened(m2 + normal_spread(points, i as usize));
+                observer.advance(1);
+                SpecularPoint { reflection, errors: Vec::new(), ..point }
             }
             None => {
                 let point = build(&i);
@@ -200,14 +211,14 @@ impl SpecularSet {
         set.materials = materials;
         observer.end();
         set.connect();
-        set.find_rows(most_bytes);
+        set.find_rows(lobe_tolerance, most_bytes);
         set.normalise(points, observer);
         set.cells = set.points.iter().flat_map(|p| &p.members).filter(|&&m| m == NO_POINT).count() as u64;
         set
     }
 
     /// The points, by sample point, whose lobes hold where `shape` is that of the material that a sample point
-    /// wears now ([`SpecularMaterial::shape`]).
+    /// wears now ([`SpecularMaterial::shape`]); and, not scaled, those of which at least the directions hold.
     fn kept(
         self,
         points: &SamplePoints,
@@ -220,14 +231,17 @@ impl SpecularSet {
         // What others see of a point is whether it is specular, and whether it is inside a solid.
         let seen = |shape: Option<Shape>| shape.map(|s| s.3.is_some());
         let changed: Vec<bool> = (0..points.len()).map(|i| seen(before[i]) != seen(shape(i))).collect();
+        let rough = |shape: Option<Shape>| shape.is_some_and(|s| is_rough(&s));
         let holds = |point: &SpecularPoint| {
             let i = point.point as usize;
-            before[i] == shape(i) && !point.members.iter().any(|&m| m != NO_POINT && changed[m as usize])
+            (before[i] == shape(i) || rough(before[i]) && rough(shape(i)))
+                && !point.members.iter().any(|&m| m != NO_POINT && changed[m as usize])
         };
         let holds: Vec<bool> = self.points.par_iter().map(holds).collect();
         let mut kept: Vec<Option<SpecularPoint>> = Vec::new();
         kept.resize_with(points.len(), || None);
-        for (s, point) in self.points.into_iter().enumerate() {
+        for (s, mut point) in self.points.into_iter().enumerate() {
+            point.scaled = before[point.point as usize] == shape(point.point as usize);
             // The two sides of a pane share their lobes.
             if holds[s] && point.twin.is_none_or(|t| holds[t as usize]) {
                 let i = point.point as usize;

@@ -28,6 +28,12 @@ pub struct SpecularMaterial {
 /// a solid.
 pub type Shape = (u64, u32, bool, Option<[Option<u64>; 3]>);
 
+/// Whether a shape is that of a rough reflection and nothing else.
+pub fn is_rough(shape: &Shape) -> bool {
+    let m = f64::from_bits(shape.0);
+    (m * m) as f32 > 0.0 && !shape.2
+}
+
 impl SpecularMaterial {
     /// What lobes depend on.
     pub fn shape(&self) -> Shape {

@@ -99,7 +99,7 @@ impl<'a> System<'a> {
             points,
             graph,
             appearance,
-            (settings.kernel, tolerance, settings.kept_bytes),
+            (settings.kernel, tolerance, settings.lobe_tolerance as f32, settings.kept_bytes),
             kept.specular,
             observer,
         );

@@ -23,8 +23,8 @@ const RAYS: usize = 200_000;
 const LARGE_HALL: [usize; 2] = [48, 51];
 /// The ceiling of a sweep multiplies by a stored matrix of N² numbers; more than this is left out, bytes.
 const MOST_BYTES: u64 = 1 << 30;
-/// Lobes of specular points join all pairs of what these see: more pairs than this are left out.
-const MOST_LOBE_PAIRS: f64 = 2e11;
+/// Specular points times what they may see: each keeps some 80 bytes of all that it does, and finds its form factors.
+const MOST_SEEN: f64 = 3e7;
 /// How often a sweep and its ceiling take turns.
 const REPEATS: usize = 7;
 
@@ -33,7 +33,7 @@ const REPEATS: usize = 7;
 pub struct AtPoints {
     /// The graph.
     pub graph: GraphBench,
-    /// The first pass, and new appearances over the same graph, unless its lobes would take minutes.
+    /// The first pass, and new appearances over the same graph, unless its specular points see so much that it would take minutes.
     pub first_pass: Option<FirstPassBench>,
     /// The graph after the changes that were asked for.
     pub moved: Option<MovedBench>,
@@ -76,8 +76,8 @@ pub fn stages(
         let graph = graph::graph(geometry, &prepared.points, tracer.as_ref(), observer)?;
         let specular = |s: &SurfaceId| scene.appearance.material(*s).is_specular();
         let n = prepared.points.len() as f64;
-        let lobes = prepared.points.surface.iter().filter(|s| specular(s)).count() as f64;
-        let first_pass = (lobes * n * n <= MOST_LOBE_PAIRS)
+        let specular_points = prepared.points.surface.iter().filter(|s| specular(s)).count() as f64;
+        let first_pass = (specular_points * n <= MOST_SEEN)
             .then(|| {
                 first_pass::measure(scene, &prepared, &settings, &changes, MOST_BYTES, REPEATS, observer)
             })
