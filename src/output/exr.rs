@@ -31,10 +31,10 @@ pub fn write(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result
     atomic_file::write(path, &encode(path, image, options, None)?)
 }
 
-/// [`write`] with the standard error of each pixel's luminance as channel `noise.Y`, cd m⁻².
+/// [`write()`] with the standard error of each pixel's luminance as channel `noise.Y`, cd m⁻².
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_with_noise(
     path: &Path,
     image: &SpectralImage,

@@ -1,6 +1,6 @@
 //! Accuracy against time: one knob after the other is turned, and what comes out is held against a judge.
 //!
-//! A [`Trial`](knobs::Trial) is a setting of the knobs, a [`Row`] what it took and how far it is from the truth. The judge is an
+//! A [`Trial`] is a setting of the knobs, a [`Row`] what it took and how far it is from the truth. The judge is an
 //! image of the unbiased path tracer ([`crate::reference`]) that knows its own noise; [`error`] takes that noise off.
 
 pub mod error;
