@@ -13,13 +13,13 @@ const OTHER_SEED: u32 = 0x85eb_ca6b;
 impl Scatterer<'_> {
     /// Sends rays over the hemispheres of the places that ask for light.
     pub(super) fn gather(&self, wave: &Wave, hits: &[Option<Hit>], film: &mut Film, next: &mut Wave) {
-        let lit = std::mem::take(&mut film.lit);
-        for k in lit.iter().map(|&k| k as usize) {
+        let gathering = std::mem::take(&mut film.gathering);
+        for k in gathering.iter().map(|&k| k as usize) {
             if let Some(hit) = &hits[k] {
                 self.send_over_hemisphere(wave, k, hit, film, next);
             }
         }
-        film.lit = lit;
+        film.gathering = gathering;
     }
 
     fn send_over_hemisphere(&self, wave: &Wave, k: usize, hit: &Hit, film: &mut Film, next: &mut Wave) {

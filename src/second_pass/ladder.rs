@@ -3,6 +3,8 @@
 //! What the first pass found at a point has four parts: what it emits, and what it reflects of light straight from
 //! lamps, of light over mirrors and glass, and of light from diffuse surfaces. The rung `interpolate` takes all from
 //! there, `direct` asks lamps for the second, and `gather` the hemisphere for the fourth as well. No part is taken twice.
+//! Where a ray over the hemisphere ends it takes what `direct` would: between sample points the first pass knows shadows
+//! of lamps too coarsely.
 
 use super::LitScene;
 use super::direct::Direct;
@@ -64,12 +66,12 @@ impl<'a> Fields<'a> {
             all.iter().zip(part).map(|(all, part)| (all - part).max(0.0)).collect()
         };
         let reflected = without(&solution.radiance, &parts.emission);
+        let indirect = interpolator.field_of(without(&reflected, &parts.direct), w);
         Ok(match rung {
-            Rung::Gather => Fields {
-                near: interpolator.field_of(parts.specular.clone(), w),
-                far: Some(interpolator.field_of(reflected, w)),
-            },
-            _ => Fields { near: interpolator.field_of(without(&reflected, &parts.direct), w), far: None },
+            Rung::Gather => {
+                Fields { near: interpolator.field_of(parts.specular.clone(), w), far: Some(indirect) }
+            }
+            _ => Fields { near: indirect, far: None },
         })
     }
 

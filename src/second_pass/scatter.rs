@@ -53,8 +53,10 @@ pub(super) struct Film {
     pub going_on: Vec<u32>,
     /// Those whose place is parted from some of what is around it.
     pub parted: Vec<(u32, bool, Apart)>,
-    /// Paths at places that ask lamps and gather.
+    /// Paths at places that ask lamps.
     pub lit: Vec<u32>,
+    /// Those among them that gather, on a rung that does.
+    pub gathering: Vec<u32>,
     /// Paths at places whose emission is still to be added.
     pub glowing: Vec<u32>,
     /// Paths that left the scene and see the sky.
@@ -77,6 +79,7 @@ impl Film {
             going_on: Vec::new(),
             parted: Vec::new(),
             lit: Vec::new(),
+            gathering: Vec::new(),
             glowing: Vec::new(),
             missed: Vec::new(),
             shadows: Shadows::default(),
@@ -145,6 +148,7 @@ impl<'a> Scatterer<'a> {
         next.clear();
         film.going_on.clear();
         film.lit.clear();
+        film.gathering.clear();
         film.glowing.clear();
         film.missed.clear();
         wide(Take { scatterer: self, wave, hits, film });

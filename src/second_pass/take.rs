@@ -126,8 +126,11 @@ impl Take<'_, '_> {
                 film.going_on.push(k as u32);
             }
             let far = bounces > 0 && scatterer.is_far(bounces, hit);
-            if manner.asks && !far {
+            if manner.asks {
                 film.lit.push(k as u32);
+                if !far {
+                    film.gathering.push(k as u32);
+                }
             }
             if manner.glows && bounces == 0 {
                 film.glowing.push(k as u32);
