@@ -330,8 +330,10 @@ static void fill16(struct RTCRay16 *to, int *valid, int i, const lux_ray *from) 
     valid[i] = from->t_min <= from->t_max ? -1 : 0;
 }
 
-static uint32_t surface_met(const lux_scene *scene, unsigned geometry, unsigned primitive) {
-    return geometry == scene->round_geometry ? scene->rounds[primitive].surface : scene->quad_surface[primitive];
+static lux_hit hit_at(const lux_scene *scene, float t, unsigned geometry, unsigned primitive, int second) {
+    if (geometry == scene->round_geometry)
+        return (lux_hit){t, scene->rounds[primitive].surface, scene->rounds[primitive].part};
+    return (lux_hit){t, scene->quad_surface[primitive], (uint32_t)second};
 }
 
 static void closest_singly(const lux_scene *scene, const lux_ray *rays, uint64_t count, lux_hit *hits) {
@@ -345,8 +347,8 @@ static void closest_singly(const lux_scene *scene, const lux_ray *rays, uint64_t
         hit.of.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         intersect1(scene->scene, &hit.of);
         if (hit.of.hit.geomID == RTC_INVALID_GEOMETRY_ID) continue;
-        uint32_t met = surface_met(scene, hit.of.hit.geomID, hit.of.hit.primID);
-        hits[i] = (lux_hit){hit.of.ray.tfar, met, hit.of.hit.u + hit.of.hit.v > 1.0f};
+        int second = hit.of.hit.u + hit.of.hit.v > 1.0f;
+        hits[i] = hit_at(scene, hit.of.ray.tfar, hit.of.hit.geomID, hit.of.hit.primID, second);
     }
     leave_batch(before);
 }
@@ -359,9 +361,9 @@ static void trace_packet(const lux_scene *scene, const int *valid, struct roomy_
     for (int lane = 0; lane < LUX_PACKET; lane++) {
         unsigned geometry = packet->of.hit.geomID[lane];
         int met = valid[lane] && geometry != RTC_INVALID_GEOMETRY_ID;
-        hits[lane].t = packet->of.ray.tfar[lane];
-        hits[lane].surface = met ? surface_met(scene, geometry, packet->of.hit.primID[lane]) : LUX_MISS;
-        hits[lane].half = met && packet->of.hit.u[lane] + packet->of.hit.v[lane] > 1.0f;
+        float t = packet->of.ray.tfar[lane];
+        int second = packet->of.hit.u[lane] + packet->of.hit.v[lane] > 1.0f;
+        hits[lane] = met ? hit_at(scene, t, geometry, packet->of.hit.primID[lane], second) : (lux_hit){t, LUX_MISS, 0};
     }
 }
 

@@ -21,13 +21,15 @@ typedef struct lux_ray {
     float t_max;
 } lux_ray;
 
-/* A surface that is no quad, which the caller tells where rays meet it. */
+/* A part of a surface that is no quad, which the caller tells where rays meet it. */
 typedef struct lux_round {
     /* Corners of the box around it. */
     double low[3];
     double high[3];
     /* Number of the surface. */
     uint32_t surface;
+    /* Number of the part in it. */
+    uint32_t part;
 } lux_round;
 
 /* Where a ray meets round number index first within its limits: 1 and the ray parameter in t, or 0. Called from many
@@ -56,8 +58,8 @@ typedef struct lux_hit {
     float t;
     /* Number of the surface, or LUX_MISS. */
     uint32_t surface;
-    /* Of a quad 1 in the triangle v2 v3 v1, else 0. */
-    uint32_t half;
+    /* Of a quad 1 in the triangle v2 v3 v1 and else 0; of what is no quad the number of the part. */
+    uint32_t part;
 } lux_hit;
 
 /* How far beside a quad's box, m, rounding may put a hit: some eight units in the last place of a coordinate of 1. A

@@ -1,10 +1,10 @@
 //! The stages in order, and nothing else: each borrows what it needs and returns one product.
 
 use crate::error::{Error, Result};
-use crate::first_pass::{DiffuseSolution, Evenly, FirstPass, LinkedRelighter, Relighter};
+use crate::first_pass::{DiffuseSolution, Evenly, FirstPass, LinkedRelighter, Relighter, Solver};
 use crate::measure::{self, MeasureSettings, Reading};
 use crate::observer::Observer;
-use crate::points::{self, Element, SamplePoints, Sampling};
+use crate::points::{self, Element, LightRefiner, SamplePoints, Sampling};
 use crate::scene::{Appearance, Camera, Geometry, SampledAppearance, Sensor};
 use crate::second_pass::{self, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage};
 use crate::settings::Settings;
@@ -21,7 +21,7 @@ pub struct Prepared {
     pub points: SamplePoints,
     /// What they see of each other; of no points where there are links.
     pub graph: VisibilityGraph,
-    /// What they see of clusters of points, if [`Settings::links`] asks for that.
+    /// What they see of clusters of points, if there are links in place of the graph.
     pub links: Option<Links>,
     /// How a view reads radiance between them.
     pub interpolator: Interpolator,
@@ -36,7 +36,7 @@ const REFINEMENT_ROUNDS: usize = 4;
 /// other are too close (4.2.2). With `graph_file` the graph is read from there, and the points with
 /// it, if the file exists, and written there if not.
 ///
-/// With [`Settings::links`] there are links in place of the graph.
+/// With [`Settings::links`], or more points than [`Settings::most_paired`], there are links in place of the graph.
 ///
 /// # Errors
 /// Those of [`points::sample`], [`Links::build`], [`VisibilityGraph::build`], [`file::load`] and [`file::save`].
@@ -51,8 +51,12 @@ pub fn prepare(
     let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
     let voxels = Voxels::build(geometry, &settings.voxels);
     let points = points::sample(geometry, &sampling, &voxels)?;
-    if let Some(links) = &settings.links {
-        return link(geometry, (&sampling, links), (voxels, points), tracer, graph_file, observer);
+    let needs_pairs = graph_file.is_some()
+        || sampling.refine_solid_angle.is_some()
+        || settings.first_pass.solver == Solver::Shooting;
+    let many = points.len() > settings.most_paired && !needs_pairs;
+    if let Some(links) = settings.links.or(many.then(LinkSettings::default)) {
+        return link(geometry, (&sampling, settings, &links), (voxels, points), tracer, graph_file, observer);
     }
     let request = points::request_key(geometry, &sampling, &voxels, &points);
     if let Some(path) = graph_file.filter(|p| p.exists()) {
@@ -122,7 +126,7 @@ fn resample(geometry: &Geometry, voxels: &Voxels, elements: &[Element]) -> Sampl
 /// The same with links in place of the graph.
 fn link(
     geometry: &Geometry,
-    (sampling, settings): (&Sampling, &LinkSettings),
+    (sampling, settings, links): (&Sampling, &Settings, &LinkSettings),
     (voxels, points): (Voxels, SamplePoints),
     tracer: &dyn RayTracer,
     graph_file: Option<&Path>,
@@ -135,14 +139,54 @@ fn link(
     if sampling.refine_solid_angle.is_some() {
         return refuse("the scene's `refine_solid_angle` needs the visibility of all pairs of points");
     }
-    let links = Links::build(geometry, &points, tracer, settings, observer)?;
+    if settings.first_pass.solver == Solver::Shooting {
+        return refuse("light cannot be shot over links");
+    }
+    let links = Links::build(geometry, &points, tracer, links, observer)?;
     let interpolator = Interpolator::new(geometry, &points, tracer);
     let graph = VisibilityGraph::default();
     Ok(Prepared { voxels, points, graph, links: Some(links), interpolator, graph_loaded: false })
 }
 
+/// `prepared`, with elements divided where the light of `appearance` bends, if [`Settings::refinement`] asks for that: round
+/// by round the first pass is solved, points are added where it asks for them, and the graph is brought up to date.
+///
+/// # Errors
+/// Those of [`light`], [`Links::build`] and [`VisibilityGraph::update`].
+pub fn refine_by_light(
+    geometry: &Geometry,
+    mut prepared: Prepared,
+    appearance: &Appearance,
+    sampling: &Sampling,
+    settings: &Settings,
+    tracer: &dyn RayTracer,
+    observer: &dyn Observer,
+) -> Result<Prepared> {
+    let Some(refinement) = &settings.refinement else { return Ok(prepared) };
+    let refiner = LightRefiner::new(refinement, &prepared.points);
+    for _ in 0..refinement.rounds {
+        let (appearance, solution) = light(geometry, &prepared, appearance, settings, observer)?;
+        let luminance = solution.interpolated_luminance(&appearance, &prepared.points);
+        let around = |i| prepared.interpolator.around(i);
+        let lamp = |surface| appearance.of(surface).emission.iter().any(|&l| l > 0.0);
+        let finer = refiner.refine(sampling, &prepared.points, &luminance, lamp, around);
+        let Some(elements) = finer else { break };
+        let points = resample(geometry, &prepared.voxels, &elements);
+        if prepared.links.is_some() {
+            let links = settings.links.unwrap_or_default();
+            prepared.links = Some(Links::build(geometry, &points, tracer, &links, observer)?);
+        } else {
+            let was = (geometry, &prepared.points);
+            prepared.graph = prepared.graph.update(was, (geometry, &points), tracer, observer)?;
+        }
+        prepared.interpolator = Interpolator::new(geometry, &points, tracer);
+        prepared.points = points;
+    }
+    Ok(prepared)
+}
+
 /// What computes the diffuse light of a scene under one appearance after another: over its links if it has any, over
-/// all pairs of points otherwise.
+/// all pairs of points otherwise. Links carry no specular light: there it is spread evenly ([`Evenly`]).
 ///
 /// # Errors
 /// Those of [`LinkedRelighter::new`] and [`Relighter::new`].
@@ -157,7 +201,8 @@ pub fn first_pass<'a>(
         Some(links) => Box::new(LinkedRelighter::new(geometry, points, links, &settings.first_pass)?),
         None => Box::new(relighter(geometry, prepared, settings, observer)?),
     };
-    Ok(Box::new(Evenly { first_pass, points, most_specular: settings.first_pass.most_specular }))
+    let most_specular = if prepared.links.is_some() { 0 } else { settings.first_pass.most_specular };
+    Ok(Box::new(Evenly { first_pass, points, most_specular }))
 }
 
 /// What the first pass of a scene over all pairs of points keeps between one appearance and the next.

@@ -3,7 +3,8 @@
 use crate::first_pass::{FirstPassSettings, Kernel};
 use crate::material::{DEFAULT_ENTRIES, PAPER_ENTRIES};
 use crate::measure::MeasureSettings;
-use crate::second_pass::SecondPassSettings;
+use crate::points::LightRefinement;
+use crate::second_pass::{Rung, SecondPassSettings};
 use crate::spectrum::Wavelengths;
 use crate::tracers::TracerChoice;
 use crate::visibility::LinkSettings;
@@ -23,8 +24,14 @@ pub struct Settings {
     pub wavelengths: Wavelengths,
     /// Entries of the Fresnel tables.
     pub fresnel_entries: usize,
-    /// Exchange diffuse light over links between points and clusters of points; `None`: between all pairs of points.
+    /// Exchange diffuse light over links between points and clusters of points; `None`: between all pairs of points, unless
+    /// there are too many of these.
     pub links: Option<LinkSettings>,
+    /// Divide elements further where the light bends; `None`: the sampling is by geometry alone.
+    pub refinement: Option<LightRefinement>,
+    /// With more points than this there are links between them in any case, unless the graph is to be kept in a file, the
+    /// scene refines its points by what they see, or light is shot. No limit by default.
+    pub most_paired: usize,
     /// First pass.
     pub first_pass: FirstPassSettings,
     /// Second pass.
@@ -36,7 +43,7 @@ pub struct Settings {
 /// Named points on the way from fast to careful.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// A look at the scene: a quarter of the points, 4 samples a pixel.
+    /// A look at the scene: a quarter of the points, with the second pass asking lamps for their own light.
     Draft,
     /// As the paper did it: its kernel, four wavelengths, tables of 20 entries.
     Paper,
@@ -56,6 +63,8 @@ impl Settings {
             wavelengths: Wavelengths::standard(),
             fresnel_entries: DEFAULT_ENTRIES,
             links: None,
+            refinement: None,
+            most_paired: usize::MAX,
             first_pass: FirstPassSettings::default(),
             second_pass: SecondPassSettings::default(),
             measure: MeasureSettings::default(),
@@ -63,7 +72,8 @@ impl Settings {
         match quality {
             Quality::Draft => {
                 settings.area_factor = 4.0;
-                settings.second_pass.samples = 4;
+                settings.second_pass.rung = Rung::Direct;
+                settings.first_pass.parts = true;
             }
             Quality::Paper => {
                 settings.wavelengths = Wavelengths::meyer4();

@@ -145,6 +145,15 @@ fn a_report_is_json_with_units_in_its_names() {
     assert_eq!((&asked["lamp_samples"], &asked["gather_samples"]), (&3.into(), &4.into()));
     let (cameras, gathered) = (&json["second_pass"]["camera_rays"], &json["second_pass"]["gather_rays"]);
     assert!(gathered.as_u64() > cameras.as_u64().map(|n| 2 * n), "{json}");
+    assert!(json["second_pass"]["noise"].is_null());
+
+    let noise = ["--noise", "20%", "--max-samples", "64", "--report", self::text(&report)];
+    let exr = render("scenes/cornell_box.toml", &dir.path().join("c.exr"), &noise);
+    assert!(exr.windows(8).any(|bytes| bytes == b"samples\0"), "a channel tells the samples");
+    let text = std::fs::read_to_string(&report).expect("the report is there");
+    let json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+    let noise = &json["second_pass"]["noise"];
+    assert!(noise["noise"].as_f64() < Some(0.2) && noise["mean_samples"].as_f64() >= Some(32.0), "{json}");
 }
 
 #[test]
@@ -157,6 +166,12 @@ fn wrong_input_is_named_with_its_place() {
 
     fail(2, &["render", "scenes/paper_room.toml", "--samples", "0"]);
     fail(2, &["render", "scenes/paper_room.toml", "--second-pass", "guess"]);
+    let error = fail(2, &["render", "scenes/paper_room.toml", "--noise", "loud"]);
+    assert!(error.contains("such as 2%"), "{error}");
+    let few = ["render", "scenes/paper_room.toml", "--noise", "1%", "--max-samples", "8"];
+    assert!(fail(2, &few).contains("16"));
+    let error = fail(2, &["render", "scenes/paper_room.toml", "--refine", "none"]);
+    assert!(error.contains("--refine of none"), "{error}");
     let error = fail(2, &["render", "scenes/paper_room.toml", "--lamp-samples", "2"]);
     assert!(error.contains("--second-pass direct"), "{error}");
     let direct = ["render", "scenes/paper_room.toml", "--second-pass", "direct", "--gather-samples", "2"];

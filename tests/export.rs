@@ -69,6 +69,39 @@ fn round_surfaces_stay_round() {
     assert!(xml.contains("<shape type=\"sphere\">") && xml.contains("<shape type=\"disk\">"));
 }
 
+/// A floor under a sky of this kind over ground of this reflectance.
+fn under_sky(kind: &str, ground: f64) -> (String, Vec<String>, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.toml");
+    let text = format!(
+        "format = 1\n[materials.grey]\nreflectance = 0.5\n[[objects]]\nname = \"floor\"\nmaterial = \"grey\"\n\
+         quads = [[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]]\n\
+         [sky]\ntype = {kind}\nilluminant = \"D65\"\nzenith_luminance = 1000\nground = {ground}\n"
+    );
+    std::fs::write(&path, text).unwrap();
+    exported(path.to_str().unwrap())
+}
+
+#[test]
+fn skies_are_written_as_mitsuba_has_them() {
+    let (xml, notes, _folder) = under_sky("\"uniform\"", 1.0);
+    assert!(is_balanced(&xml) && xml.contains("<emitter type=\"constant\">"), "{xml}");
+    assert!(!notes.iter().any(|n| n.contains("sky")), "{notes:?}");
+
+    let (xml, notes, folder) = under_sky("\"overcast\"", 0.3);
+    assert!(is_balanced(&xml) && xml.contains("<emitter type=\"envmap\">"), "{xml}");
+    assert!(notes.iter().any(|n| n.contains("the sky: an image")), "{notes:?}");
+    // From the zenith down to a third of it at the horizon, and the ground below.
+    let image = luxgraph::output::exr::read(&folder.path().join("sky.exr")).unwrap();
+    let column = image.width / 3;
+    let luminance = |row: u32| image.luminance((row * image.width + column) as usize);
+    for row in 0..image.height {
+        let sine = (std::f64::consts::PI * (f64::from(row) + 0.5) / f64::from(image.height)).cos();
+        let expected = if sine > 0.0 { 1000.0 * (1.0 + 2.0 * sine) / 3.0 } else { 0.3 * 1000.0 * 7.0 / 9.0 };
+        assert!((luminance(row) / expected - 1.0).abs() < 1e-3, "{row}: {} for {expected}", luminance(row));
+    }
+}
+
 #[test]
 fn a_folder_that_cannot_be_made_is_an_error() {
     let scene = load(Path::new("scenes/cornell_box.toml")).unwrap();

@@ -81,25 +81,25 @@ fn recalled_solutions_end_within_the_tolerance_and_cost_less() {
     // What changes, the most sweeps in parts of those of a fresh run, and the most rounds of bounces.
     type Change = (&'static str, fn(&mut Vec<SampledMaterial>), f64, u32);
     let changes: [Change; 9] = [
-        ("nothing before", |_| (), 1.0, 9),
+        ("nothing before", |_| (), 1.0, 5),
         ("nothing", |_| (), 0.2, 0),
         ("emission", |m| m[LAMP] = diffuse(0.1, 7.0), 0.2, 0),
-        ("another lamp", |m| m[WALL] = diffuse(0.6, 0.5), 1.0, 9),
+        ("another lamp", |m| m[WALL] = diffuse(0.6, 0.5), 0.6, 3),
         (
             "both lamps",
             |m| {
                 m[WALL] = diffuse(0.6, 2.0);
                 m[LAMP] = diffuse(0.1, 1.0);
             },
-            // Solutions that are exact but for the tolerance leave a little over when they are stretched.
-            0.3,
+            // Solutions that are exact but for the tolerance leave a little over when they are stretched. Every round's
+            // direction takes a sweep more, to be recalled itself.
+            0.4,
             1,
         ),
-        ("reflectance", |m| m[WALL] = diffuse(0.55, 2.0), 1.0, 9),
-        ("Fresnel factor", |m| m[GLOSS] = glossy(0.7, 0.5, 0.2, 0.1, 0.0), 1.0, 9),
-        ("roughness", |m| m[GLOSS] = glossy(0.7, 0.5, 0.3, 0.1, 0.0), 1.0, 9),
-        // What is left over here is as rough as all was, and asks for a sweep more.
-        ("another lamp after that", |m| m[LAMP] = diffuse(0.1, 5.0), 1.2, 9),
+        ("reflectance", |m| m[WALL] = diffuse(0.55, 2.0), 0.5, 2),
+        ("Fresnel factor", |m| m[GLOSS] = glossy(0.7, 0.5, 0.2, 0.1, 0.0), 0.7, 3),
+        ("roughness", |m| m[GLOSS] = glossy(0.7, 0.5, 0.3, 0.1, 0.0), 0.6, 3),
+        ("another lamp after that", |m| m[LAMP] = diffuse(0.1, 5.0), 0.8, 3),
     ];
     for (name, change, most, rounds) in changes {
         change(&mut appearance.materials);
@@ -111,10 +111,14 @@ fn recalled_solutions_end_within_the_tolerance_and_cost_less() {
         let apart = flux(&|at| f64::from((relit.radiance[at] - fresh.radiance[at]).abs()));
         let emitted = flux(&|at| f64::from(appearance.of(points.surface[at / W]).emission[0]));
         println!(
-            "{name}: {:.1e} apart, {} and {} sweeps",
+            "{name}: {:.1e} apart, {:.2e} and {:.2e} left, {} and {} sweeps, {} and {} rounds",
             apart / emitted,
+            relit.stats.residual,
+            fresh.stats.residual,
             relit.stats.sweeps,
-            fresh.stats.sweeps
+            fresh.stats.sweeps,
+            relit.stats.rounds,
+            fresh.stats.rounds
         );
         // Either ends within the tolerance of the flux, which the room may reflect a few times more.
         assert!(apart < 5.0 * settings.tolerance * emitted, "{name}: {}", apart / emitted);

@@ -293,3 +293,15 @@ fn what_links_cannot_do_is_said() {
     let mut dark = LinkedRelighter::new(&none.geometry, &none.points, &links, &settings).unwrap();
     assert!(dark.light(&none.appearance, &Silent).unwrap().radiance.is_empty());
 }
+
+#[test]
+fn what_links_cannot_carry_is_refused_before_they_are_built() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/paper_room.toml");
+    let scene = luxgraph::scene::load(&path).expect("a scene that ships");
+    let mut settings = Settings { links: Some(of(0.02)), ..Settings::default() };
+    settings.first_pass.solver = Solver::Shooting;
+    let tracer = choose(TracerChoice::Auto, &scene.geometry).expect("a tracer");
+    let prepared =
+        pipeline::prepare(&scene.geometry, &scene.sampling, &settings, tracer.as_ref(), None, &Silent);
+    assert!(prepared.err().expect("no shooting").to_string().contains("cannot be shot"));
+}

@@ -1,15 +1,19 @@
 //! Do IES luminaires, spots and directional lights shine as their tables and formulas say?
 
+#[path = "support/folder.rs"]
+mod folder;
+#[path = "support/lit.rs"]
+mod lit;
+
+use folder::Folder;
 use glam::DVec3;
+use lit::Lit;
 use luxgraph::error::Error;
 use luxgraph::measure::Illuminance;
-use luxgraph::observer::Silent;
-use luxgraph::scene::{Light, LightLevel, Scene, SceneDescription, load};
+use luxgraph::scene::{Light, LightLevel, Scene, SceneDescription, Sensor, load};
 use luxgraph::settings::Settings;
-use luxgraph::{pipeline, tracers};
-use std::path::PathBuf;
 
-/// A black floor that fills z = 0 around the origin.
+/// A grey floor around the origin, z = 0.
 const FLOOR: &str = "format = 1
 [sampling]
 max_area = 0.02
@@ -40,58 +44,39 @@ const FILE: &str = "IESNA:LM-63-1995\r\n[TEST] made for a test, caf\u{e9}\r\nTIL
 /// Candela of [`FILE`]: multiplier and both ballast factors of 1995 are in it.
 const FACTOR: f64 = 0.5 * 1.1 * 0.9;
 
-struct Folder(tempfile::TempDir);
+/// Labels are often in Latin-1.
+fn write_luminaire(folder: &Folder, ies: &str) {
+    folder.write("l.ies", ies.chars().map(|c| c as u8).collect::<Vec<u8>>());
+}
 
-impl Folder {
-    fn new() -> Self {
-        Folder(tempfile::tempdir().expect("a temporary directory"))
-    }
-    fn write(&self, name: &str, text: &str) -> PathBuf {
-        let path = self.0.path().join(name);
-        std::fs::write(&path, text).expect("written");
-        path
-    }
-    fn scene(&self, more: &str, ies: &str) -> Result<Scene, Error> {
-        // Labels are often in Latin-1.
-        let latin: Vec<u8> = ies.chars().map(|c| c as u8).collect();
-        std::fs::write(self.0.path().join("l.ies"), latin).expect("written");
-        load(&self.write("s.toml", &format!("{FLOOR}{more}")))
-    }
+/// The scene with this luminaire in a folder.
+fn scene(folder: &Folder, more: &str, ies: &str) -> Result<Scene, Error> {
+    write_luminaire(folder, ies);
+    load(&folder.write("s.toml", format!("{FLOOR}{more}")))
 }
 
 fn compiled(more: &str, ies: &str) -> Scene {
-    Folder::new().scene(more, ies).unwrap_or_else(|e| panic!("{e}"))
+    scene(&Folder::new(), more, ies).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Illuminance at places on the floor, by sensors; the mean over elements nearby, by the first pass; and the share of the
 /// flux that the account of the first pass misses.
-fn lit(scene: &Scene, places: &[[f64; 2]]) -> (Vec<f64>, Vec<f64>, f64) {
-    let settings = Settings::default();
-    let tracer = tracers::choose(settings.tracer, &scene.geometry).expect("a tracer");
-    let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
-    let prepared =
-        pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).expect("prepared");
-    let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).expect("lit");
-    let sensors: Vec<_> = places
-        .iter()
-        .map(|[x, y]| luxgraph::scene::Sensor {
-            name: "s".into(),
-            position: DVec3::new(*x, *y, 0.0),
-            normal: DVec3::Z,
-        })
-        .collect();
-    let read = pipeline::measure(geometry, &prepared, &lit, &sensors, tracer, &settings.measure, &Silent);
-    let lux = |e: &[f64]| Illuminance::of(e, &lit.1.wavelengths).illuminance_lx;
-    let sensors = read.expect("measured").iter().map(|r| lux(&r.total())).collect();
-    let points = &prepared.points;
+fn lit(scene: Scene, places: &[[f64; 2]]) -> (Vec<f64>, Vec<f64>, f64) {
+    let lit = Lit::new(scene, Settings::default());
+    let sensor =
+        |[x, y]: &[f64; 2]| Sensor { name: "s".into(), position: DVec3::new(*x, *y, 0.0), normal: DVec3::Z };
+    let sensors: Vec<_> = places.iter().map(sensor).collect();
+    let wavelengths = &lit.solution().wavelengths;
+    let lux = |e: &[f64]| Illuminance::of(e, wavelengths).illuminance_lx;
+    let sensors = lit.readings(&sensors).iter().map(|r| lux(&r.total())).collect();
+    let points = &lit.prepared.points;
     let nearest = |[x, y]: &[f64; 2]| {
-        let to = DVec3::new(*x, *y, 0.0) - geometry.centre;
+        let to = DVec3::new(*x, *y, 0.0) - lit.scene.geometry.centre;
         let far = |i: &usize| points.position[*i].as_dvec3().distance(to);
         let nearest = (0..points.len()).min_by(|a, b| far(a).total_cmp(&far(b))).expect("points");
-        lit.1.wavelengths.xyz(lit.1.of(nearest))[1] * std::f64::consts::PI / 0.4
+        wavelengths.xyz(lit.solution().of(nearest))[1] * std::f64::consts::PI / 0.4
     };
-    let error = lit.1.stats.flux.error.iter().fold(0.0f64, |most, e| most.max(e.abs()));
-    (sensors, places.iter().map(nearest).collect(), error)
+    (sensors, places.iter().map(nearest).collect(), lit.flux_error())
 }
 
 fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
@@ -122,7 +107,7 @@ fn illuminance_is_what_the_table_says() {
     let leaning = [(DVec3::NEG_Z, DVec3::X), (DVec3::new(0.6, 0.0, -0.8), DVec3::Y)];
     for (down, c0) in leaning {
         let turned = format!("direction = {:?}\nc0 = {:?}\n", down.to_array(), c0.to_array());
-        let (sensors, points, error) = lit(&compiled(&format!("{LUMINAIRE}{turned}"), FILE), &places);
+        let (sensors, points, error) = lit(compiled(&format!("{LUMINAIRE}{turned}"), FILE), &places);
         assert!(error < 2e-3, "{error}");
         for (([x, y], sensor), point) in places.iter().zip(sensors).zip(points) {
             let way = DVec3::new(*x, *y, -2.0);
@@ -175,8 +160,8 @@ fn a_luminaire_is_spread_over_its_opening() {
     assert!(first.distance(DVec3::new(-0.2, -0.05, 0.0)) < 1e-9, "{first}");
     // Changes scale all points together.
     let folder = Folder::new();
-    folder.scene("", FILE).expect("written");
-    let path = folder.write("s.toml", &format!("{FLOOR}{LUMINAIRE}spread = [3, 2]\n"));
+    write_luminaire(&folder, FILE);
+    let path = folder.write("s.toml", format!("{FLOOR}{LUMINAIRE}spread = [3, 2]\n"));
     let changes = folder.write("c.toml", "format = 1\n[lights.l]\nluminous_flux = 12\n");
     let changed = SceneDescription::read(&path).and_then(|d| d.changed(&changes)).expect("reads");
     let appearance = changed.appearance(&scene.geometry).expect("fits");
@@ -185,7 +170,7 @@ fn a_luminaire_is_spread_over_its_opening() {
 
 #[test]
 fn mistakes_in_a_file_are_named_where_they_are() {
-    let place = |ies: &str, more: &str| match Folder::new().scene(&format!("{LUMINAIRE}{more}"), ies) {
+    let place = |ies: &str, more: &str| match scene(&Folder::new(), &format!("{LUMINAIRE}{more}"), ies) {
         Err(Error::Scene { line, column, message, path }) => {
             (path.extension().map(|e| e == "ies"), line, column, message)
         }
@@ -230,12 +215,12 @@ fn mistakes_in_a_file_are_named_where_they_are() {
 fn damaged_files_never_do_harm() {
     let folder = Folder::new();
     for cut in (0..FILE.len()).filter(|&cut| FILE.is_char_boundary(cut)) {
-        let _ = folder.scene(LUMINAIRE, &FILE[..cut]);
-        let _ = folder.scene(LUMINAIRE, &FILE[cut..]);
+        let _ = scene(&folder, LUMINAIRE, &FILE[..cut]);
+        let _ = scene(&folder, LUMINAIRE, &FILE[cut..]);
     }
     for word in ["1e308", "-1", "nan", "inf", "1e9", "0"] {
         for (at, _) in FILE.match_indices(|c: char| c.is_ascii_digit()) {
-            let _ = folder.scene(LUMINAIRE, &format!("{}{word} {}", &FILE[..at], &FILE[at + 1..]));
+            let _ = scene(&folder, LUMINAIRE, &format!("{}{word} {}", &FILE[..at], &FILE[at + 1..]));
         }
     }
 }
@@ -246,7 +231,7 @@ fn a_spot_falls_off_between_its_cones() {
                 inner_cone_deg = 15\nouter_cone_deg = 35\nilluminant = \"E\"\nluminous_intensity = 1000\n";
     // The middles of elements.
     let places = [[0.0625, 0.0625], [0.4375, 0.0625], [0.0625, 0.8125], [-0.8125, 0.5625], [1.5625, 0.0625]];
-    let (sensors, points, error) = lit(&compiled(spot, FILE), &places);
+    let (sensors, points, error) = lit(compiled(spot, FILE), &places);
     assert!(error < 2e-3, "{error}");
     for (([x, y], sensor), point) in places.iter().zip(sensors).zip(points) {
         let way = DVec3::new(*x, *y, -2.0);
@@ -267,7 +252,7 @@ fn directional_light_is_the_same_everywhere_but_in_shadows() {
                [[objects]]\nname = \"plate\"\nmaterial = \"grey\"\n\
                quads = [[[-1.25, -0.5, 1], [-0.25, -0.5, 1], [-0.25, 0.5, 1], [-1.25, 0.5, 1]]]\n";
     let places = [[0.0, 0.0], [1.7, 1.7], [-1.7, 1.2], [0.45, 0.45], [0.55, 0.0], [-0.55, 0.0]];
-    let (sensors, points, error) = lit(&compiled(sun, FILE), &places);
+    let (sensors, points, error) = lit(compiled(sun, FILE), &places);
     assert!(error < 1e-4, "{error}");
     for (([x, y], sensor), point) in places.iter().zip(sensors).zip(points) {
         // The plate, 0.75 m along the beam above the floor, hides x from -0.5 to 0.5.
@@ -283,7 +268,7 @@ fn directional_light_is_the_same_everywhere_but_in_shadows() {
         ("diameter_deg = -1\n", "between 0 and 90"),
     ] {
         let text = sun.replacen("illuminance", &format!("{more}illuminance"), 1);
-        match Folder::new().scene(&text, FILE) {
+        match scene(&Folder::new(), &text, FILE) {
             Err(e) => assert!(e.to_string().contains(part), "{e}"),
             Ok(_) => panic!("no error: {more}"),
         }

@@ -1,29 +1,25 @@
 //! Does light reach sensors over mirrors, gloss and glass, from surfaces and from point lights?
 
+#[path = "support/folder.rs"]
+mod folder;
+#[path = "support/lit.rs"]
+mod lit;
+
+use folder::Folder;
 use glam::Vec3;
+use lit::Lit;
 use luxgraph::first_pass::form_factor::exact;
 use luxgraph::measure::{Illuminance, Reading};
-use luxgraph::observer::Silent;
+use luxgraph::scene::load;
 use luxgraph::settings::Settings;
-use luxgraph::{pipeline, scene, tracers};
 
 /// Reads the sensors of a scene file with the four default wavelengths.
 fn readings(text: &str) -> Vec<Reading> {
-    let folder = tempfile::tempdir().expect("a temporary directory");
-    let path = folder.path().join("s.toml");
+    let folder = Folder::new();
     let camera = "[[cameras]]\nname = \"c\"\nposition = [0.1, 0, 1]\ntarget = [1, 1, 0]\n";
-    std::fs::write(&path, format!("format = 1\n[sampling]\nmax_area = 0.02\n{text}{camera}"))
-        .expect("written");
-    let scene = scene::load(&path).unwrap_or_else(|e| panic!("{e}"));
-    let settings = Settings::default();
-    let tracer = tracers::choose(settings.tracer, &scene.geometry).expect("a tracer");
-    let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
-    let prepared =
-        pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).expect("prepared");
-    let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).expect("lit");
-    assert_eq!(lit.1.stats.rays_cast, 0);
-    pipeline::measure(geometry, &prepared, &lit, &scene.sensors, tracer, &settings.measure, &Silent)
-        .expect("measured")
+    let path = folder.write("s.toml", format!("format = 1\n[sampling]\nmax_area = 0.02\n{text}{camera}"));
+    let lit = Lit::new(load(&path).unwrap_or_else(|e| panic!("{e}")), Settings::default());
+    lit.readings(&lit.scene.sensors)
 }
 
 fn lux(part: &[f64]) -> f64 {

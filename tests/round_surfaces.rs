@@ -1,8 +1,8 @@
-//! Are discs, spheres, cylinders and cones the true surfaces in every stage: points, graph, interpolation and view?
+//! Are discs, spheres, cylinders, cones and patches the true surfaces in every stage: points, graph, interpolation and view?
 
 use glam::DVec3;
 use luxgraph::first_pass::DiffuseSolution;
-use luxgraph::geometry::{Cone, Disc, Round, Shape, Side, Sphere, SurfaceId};
+use luxgraph::geometry::{Cone, Disc, Patch, Round, Shape, Side, Sphere, SurfaceId};
 use luxgraph::observer::Silent;
 use luxgraph::pipeline;
 use luxgraph::points::facing::face_each_other;
@@ -31,6 +31,15 @@ fn disc(centre: DVec3, normal: DVec3, radius: f64) -> Shape {
     Shape::from(Disc { centre, normal: normal.normalize(), radius })
 }
 
+/// A bent square, hollow on its front.
+fn bowl(centre: DVec3, size: f64) -> Shape {
+    let at = |i: usize, j: usize| {
+        let (u, v) = (i as f64 / 3.0 - 0.5, j as f64 / 3.0 - 0.5);
+        centre + size * DVec3::new(u, v + 0.2 * u * u, 1.2 * (u * u + v * v))
+    };
+    Patch::new(std::array::from_fn(|j| std::array::from_fn(|i| at(i, j)))).into()
+}
+
 fn has_tip(round: &Round) -> bool {
     matches!(round, Round::Cone(cone) if cone.radius == 0.0 || cone.top_radius == 0.0)
 }
@@ -55,6 +64,7 @@ fn crowd() -> Geometry {
         (cone(DVec3::new(-0.9, -0.2, 1.1), [0.2, 0.2], false), true),
         (cone(DVec3::new(0.5, 1.1, -0.9), [0.4, 0.1], true), false),
         (cone(DVec3::new(0.9, -0.9, -0.8), [0.3, 0.0], false), false),
+        (bowl(DVec3::new(-0.3, -0.9, -1.1), 0.8), true),
     ])
 }
 
@@ -95,6 +105,8 @@ fn the_hash_tells_round_surfaces_apart() {
         of(cone(CENTRE, [0.5, 0.5], true)),
         of(cone(CENTRE, [0.5, 0.4], false)),
         of(cone(CENTRE, [0.4, 0.5], false)),
+        of(bowl(CENTRE, 0.5)),
+        of(bowl(CENTRE, 0.6)),
     ];
     for (i, a) in hashes.iter().enumerate() {
         assert!(hashes[..i].iter().all(|b| a != b), "{i}");
@@ -199,6 +211,7 @@ fn radiance_is_smooth_over_seams_and_poles() {
         cone(CENTRE, [0.7, 0.7], false),
         cone(CENTRE, [0.8, 0.3], true),
         cone(CENTRE, [0.9, 0.0], false),
+        bowl(CENTRE, 1.0),
     ] {
         let geometry = geometry([(shape.clone(), false)]);
         let surface = &geometry.surfaces[0];
@@ -228,7 +241,7 @@ fn radiance_is_smooth_over_seams_and_poles() {
                     let out = phi.cos() * x + phi.sin() * y;
                     match surface.round().expect("round") {
                         Round::Sphere(s) => s.centre + s.radius * out,
-                        round @ Round::Cone(_) => {
+                        round @ (Round::Cone(_) | Round::Patch(_)) => {
                             let at = round.uv_of(round.centre() + round.radius() * out);
                             round.point_at(at.x, at.y)
                         }

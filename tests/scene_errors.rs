@@ -1,8 +1,11 @@
 //! Does every mistake in a scene file give an error with its place and a remedy?
 
+#[path = "support/folder.rs"]
+mod folder;
+
+use folder::Folder;
 use luxgraph::error::Error;
 use luxgraph::scene::{Scene, SceneDescription, load};
-use std::path::PathBuf;
 
 const SCENE: &str = r#"format = 1
 [materials.grey]
@@ -16,19 +19,6 @@ name = "main"
 position = [0, 0, 3]
 target = [1, 1, 0]
 "#;
-
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Folder {
-        Folder(tempfile::tempdir().expect("a temporary directory"))
-    }
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.path().join(name);
-        std::fs::write(&path, content).expect("written");
-        path
-    }
-}
 
 fn read(content: impl AsRef<[u8]>) -> Result<Scene, Error> {
     let folder = Folder::new();
@@ -147,8 +137,8 @@ fn files_that_are_no_scene_are_refused_kindly() {
     assert!(place(read("")).2.contains("format"));
     assert_eq!(place(read("format = 1\n[[objects]\n")).0, 2);
     assert_eq!(place(read(b"format = 1\n# \xe9\xff")), (2, 3, place(read(b"format = 1\n# \xe9\xff")).2));
-    assert!(matches!(load(&folder.0.path().join("none.toml")), Err(Error::Io { .. })));
-    match load(folder.0.path()) {
+    assert!(matches!(load(&folder.path().join("none.toml")), Err(Error::Io { .. })));
+    match load(folder.path()) {
         Err(Error::Io { message, .. }) => assert!(message.contains("directory"), "{message}"),
         other => panic!("{other:?}"),
     }

@@ -1,25 +1,16 @@
 //! Do scenes made elsewhere arrive as they were meant, and do damaged ones fail with a place and a remedy?
 
+#[path = "support/folder.rs"]
+mod folder;
+
 use base64::Engine;
+use folder::Folder;
 use luxgraph::error::Error;
 use luxgraph::geometry::Shape;
 use luxgraph::material::{Body, Level, Material};
 use luxgraph::scene::{LightKind, LightLevel, Scene, SceneDescription, load};
 use proptest::prelude::*;
 use std::path::PathBuf;
-
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Folder {
-        Folder(tempfile::tempdir().expect("a temporary folder"))
-    }
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.path().join(name);
-        std::fs::write(&path, content).expect("written");
-        path
-    }
-}
 
 fn material<'a>(scene: &'a Scene, name: &str) -> &'a Material {
     scene.appearance.materials.iter().find(|m| m.name == name).unwrap_or_else(|| panic!("no material {name}"))
@@ -326,9 +317,96 @@ fn damaged(whole: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
 
 fn survives(folder: &Folder, name: &str) {
     // It loads, or it says why not.
-    if let Err(e) = SceneDescription::read(&folder.0.path().join(name)).and_then(|d| d.compile()) {
+    if let Err(e) = SceneDescription::read(&folder.path().join(name)).and_then(|d| d.compile()) {
         assert!(!e.to_string().is_empty());
     }
+}
+
+/// Cut off at every length, each kind of file is read or refused with a reason.
+#[test]
+fn files_cut_short_anywhere_never_do_harm() {
+    let folder = Folder::new();
+    folder.write("box.mtl", BOX_MTL);
+    for cut in 0..BOX_OBJ.len() {
+        folder.write("box.obj", &BOX_OBJ[..cut]);
+        survives(&folder, "box.obj");
+    }
+    folder.write("box.obj", BOX_OBJ);
+    for cut in 0..BOX_MTL.len() {
+        folder.write("box.mtl", &BOX_MTL[..cut]);
+        survives(&folder, "box.obj");
+    }
+    let text = square_gltf();
+    for cut in 0..text.len() {
+        assert!(load(&folder.write("s.gltf", &text[..cut])).is_err(), "JSON cut at {cut}");
+    }
+    let binary = square_glb();
+    for cut in 0..binary.len() {
+        assert!(load(&folder.write("s.glb", &binary[..cut])).is_err(), "glb cut at {cut}");
+    }
+}
+
+/// (the file, line, word of the message)
+#[test]
+fn damaged_obj_fails_with_a_place_and_a_remedy() {
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    let folder = Folder::new();
+    for (more, line, word) in [
+        ("v nan 0 0\nf 1 2 5\n", 6, "finite"),
+        ("v 0 inf 0\nf 1 2 5\n", 6, "finite"),
+        ("v 1e400 0 0\nf 1 2 5\n", 6, "finite"),
+        ("f 1 2 5\n", 5, "vertex 5 does not exist"),
+        ("f 1 2 -5\n", 5, "vertex -5 does not exist"),
+        ("f 1 2 0\n", 5, "vertex 0 does not exist"),
+        ("f 1 2 99999999999999999999\n", 5, "99999999999999999999"),
+        ("f 1 2\n", 5, "corners"),
+        ("f 1//x 2 3\n", 5, "normal index"),
+        ("v 1\nf 1 2 3\n", 5, "three coordinates"),
+    ] {
+        match load(&folder.write("s.obj", format!("{square}{more}"))) {
+            Err(Error::Scene { line: found, message, .. }) => {
+                assert_eq!(found, line, "{more}: {message}");
+                assert!(message.contains(word), "{more}: {message}");
+            }
+            Err(other) => panic!("{more}: {other}"),
+            Ok(_) => panic!("{more}: accepted"),
+        }
+    }
+    let wide: Vec<u8> = [0xff, 0xfe].into_iter().chain(square.bytes().flat_map(|b| [b, 0])).collect();
+    let error = load(&folder.write("s.obj", wide)).expect_err("UTF-16").to_string();
+    assert!(error.contains("s.obj"), "{error}");
+    let error = load(&folder.path().join("none.obj")).expect_err("missing").to_string();
+    assert!(error.contains("none.obj"), "{error}");
+}
+
+/// Nodes that are their own descendants, by way of each other or by themselves.
+#[test]
+fn nodes_in_a_ring_are_refused() {
+    let folder = Folder::new();
+    for (old, new) in [
+        (r#""name":"square","mesh":0"#, r#""name":"square","mesh":0,"children":[0]"#),
+        (r#""name":"square","mesh":0"#, r#""name":"square","mesh":0,"children":[1]"#),
+        (r#""name":"eye","camera":0"#, r#""name":"eye","camera":0,"children":[3]"#),
+    ] {
+        let text = square_gltf();
+        assert!(text.contains(old), "{old}");
+        let error = load(&folder.write("s.gltf", text.replacen(old, new, 1))).expect_err(new).to_string();
+        assert!(error.contains("tree"), "{new}: {error}");
+    }
+}
+
+/// A model without any light is put under a sky, and says so.
+#[test]
+fn a_model_without_light_is_put_under_a_sky() {
+    let folder = Folder::new();
+    let bare = load(&folder.write("bare.obj", "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n")).expect("loads");
+    let sky = bare.appearance.sky.as_ref().expect("a sky");
+    assert!((sky.shape.horizontal() * sky.factor()).is_finite());
+    assert_eq!(bare.geometry.zenith, Some([0.0, 1.0, 0.0].into()));
+    assert!(bare.notes.iter().any(|n| n.contains("there is no light")), "{:?}", bare.notes);
+    folder.write("box.mtl", BOX_MTL);
+    let lit = load(&folder.write("box.obj", BOX_OBJ)).expect("loads");
+    assert!(lit.appearance.sky.is_none() && !lit.notes.iter().any(|n| n.contains("there is no light")));
 }
 
 proptest! {

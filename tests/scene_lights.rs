@@ -1,13 +1,17 @@
 //! Do point lights, sensors and grids load as written, change as asked, and fail with their place?
 
+#[path = "support/folder.rs"]
+mod folder;
+#[path = "support/lit.rs"]
+mod lit;
+
+use folder::Folder;
 use glam::DVec3;
+use lit::Lit;
 use luxgraph::error::Error;
 use luxgraph::first_pass::Solver;
-use luxgraph::observer::Silent;
 use luxgraph::scene::{Distribution, LightKind, LightLevel, Scene, SceneDescription, load};
 use luxgraph::settings::Settings;
-use luxgraph::{pipeline, tracers};
-use std::path::PathBuf;
 
 const SCENE: &str = "format = 1
 [sampling]
@@ -35,21 +39,8 @@ illuminant = \"A\"
 luminous_flux = 100
 ";
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Folder(tempfile::tempdir().expect("a temporary directory"))
-    }
-    fn write(&self, name: &str, text: &str) -> PathBuf {
-        let path = self.0.path().join(name);
-        std::fs::write(&path, text).expect("written");
-        path
-    }
-}
-
 fn read(more: &str) -> Result<Scene, Error> {
-    load(&Folder::new().write("s.toml", &format!("{SCENE}{more}")))
+    load(&Folder::new().write("s.toml", format!("{SCENE}{more}")))
 }
 
 /// Line (counted from the first line after [`SCENE`]), column and message of the error.
@@ -134,11 +125,11 @@ fn mistakes_are_named_where_they_are() {
 #[test]
 fn changes_give_lights_other_amounts_and_spectra() {
     let folder = Folder::new();
-    let scene = folder.write("s.toml", &format!("{SCENE}{LIGHT}"));
+    let scene = folder.write("s.toml", format!("{SCENE}{LIGHT}"));
     let description = SceneDescription::read(&scene).expect("reads");
     let geometry = description.compile().expect("compiles").geometry;
     let changed = |text: &str| {
-        let path = folder.write("c.toml", &format!("format = 1\n{text}"));
+        let path = folder.write("c.toml", format!("format = 1\n{text}"));
         description.changed(&path)?.appearance(&geometry)
     };
     let brighter = changed("[lights.bulb]\nluminous_intensity = 7\n").expect("fits");
@@ -168,26 +159,12 @@ fn changes_give_lights_other_amounts_and_spectra() {
 #[test]
 fn lights_change_and_move_over_one_graph() {
     let folder = Folder::new();
-    let graph = folder.0.path().join("graph");
-    let settings = Settings::default();
+    let graph = folder.path().join("graph");
     let lit = |text: &str| {
-        let path = folder.write("s.toml", &format!("{SCENE}{text}"));
-        let scene = load(&path).expect("loads");
-        let tracer = tracers::choose(settings.tracer, &scene.geometry).expect("a tracer");
-        let prepared = pipeline::prepare(
-            &scene.geometry,
-            &scene.sampling,
-            &settings,
-            tracer.as_ref(),
-            Some(&graph),
-            &Silent,
-        )
-        .expect("prepared");
-        let lit = pipeline::light(&scene.geometry, &prepared, &scene.appearance, &settings, &Silent);
-        let solution = lit.expect("lit").1;
-        assert_eq!(solution.stats.rays_cast, 0);
-        assert!(solution.stats.flux.error.iter().all(|e| e.abs() < 0.02), "{:?}", solution.stats.flux);
-        (prepared.graph_loaded, solution.radiance.iter().map(|&l| f64::from(l)).sum::<f64>())
+        let scene = load(&folder.write("s.toml", format!("{SCENE}{text}"))).expect("loads");
+        let lit = Lit::over(scene, Settings::default(), Some(&graph));
+        assert!(lit.flux_error() < 0.02, "{:?}", lit.solution().stats.flux);
+        (lit.prepared.graph_loaded, lit.sum())
     };
     let (loaded, one) = lit(LIGHT);
     assert!(!loaded && one > 0.0);
@@ -208,18 +185,14 @@ fn both_solvers_agree_on_a_point_light() {
     let mirror = "[materials.mirror]\nfresnel = \"silver\"\nspecular = 0.9\nroughness = 0.2\n\
                   [[objects]]\nname = \"mirror\"\nmaterial = \"mirror\"\nmax_area = 0.02\n\
                   quads = [[[2, 0, 0], [2, 0, 1], [2, 2, 1], [2, 2, 0]]]\n";
-    let scene = load(&folder.write("s.toml", &format!("{SCENE}{LIGHT}{mirror}"))).expect("loads");
-    let mut settings = Settings::default();
-    settings.first_pass.tolerance = 1e-4;
-    let tracer = tracers::choose(settings.tracer, &scene.geometry).expect("a tracer");
-    let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
-    let prepared =
-        pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).expect("prepared");
-    let mut solve = |solver| {
+    let path = folder.write("s.toml", format!("{SCENE}{LIGHT}{mirror}"));
+    let solve = |solver| {
+        let mut settings = Settings::default();
+        settings.first_pass.tolerance = 1e-4;
         settings.first_pass.solver = solver;
-        let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).expect("lit");
-        assert!(lit.1.stats.longest_chain > 0, "the mirror takes part");
-        lit.1.radiance
+        let lit = Lit::new(load(&path).expect("loads"), settings);
+        assert!(lit.solution().stats.longest_chain > 0, "the mirror takes part");
+        lit.light.1.radiance
     };
     let (all, shot) = (solve(Solver::Iterative), solve(Solver::Shooting));
     let brightest = all.iter().copied().fold(0.0, f32::max);

@@ -42,6 +42,7 @@ fn diffuse() -> SampledMaterial {
         m: 0.0,
         reflect: table(|_| 1.0),
         transmission: None,
+        spread: None,
         emission: vec![0.0; W],
     }
 }
@@ -161,6 +162,7 @@ fn assert_all(image: &SpectralImage, expected: f32, tolerance: f32) {
 }
 
 const EXACT: SecondPassSettings = SecondPassSettings {
+    noise: None,
     rung: Rung::Interpolate,
     lamp_samples: 1,
     gather_samples: 1,

@@ -9,7 +9,7 @@ use luxgraph::observer::{Observer, Silent};
 use luxgraph::points::{SamplePoints, Sampling, divide_by_area};
 use luxgraph::scene::{Camera, Geometry, MaterialId, ObjectId, SampledAppearance};
 use luxgraph::second_pass::{
-    Checkpoint, Interpolator, LitScene, SecondPassSettings, SecondPassStats, SpectralImage, render,
+    Checkpoint, Interpolator, LitScene, NoiseTarget, Rendered, SecondPassSettings, SecondPassStats,
     render_with_checkpoint,
 };
 use luxgraph::spectrum::Wavelengths;
@@ -44,6 +44,7 @@ impl World {
             m: 0.3,
             reflect: FresnelTable::new(2, 4, |_, cos| 1.0 - 0.5 * cos),
             transmission: None,
+            spread: None,
             emission: vec![0.0; 2],
         };
         World {
@@ -84,12 +85,7 @@ impl World {
         f(&scene, &BruteForce::new(&self.geometry))
     }
 
-    fn keep(
-        &self,
-        out: &Path,
-        resume: bool,
-        observer: &dyn Observer,
-    ) -> Result<(SpectralImage, SecondPassStats)> {
+    fn keep(&self, out: &Path, resume: bool, observer: &dyn Observer) -> Result<Rendered> {
         let checkpoint = Checkpoint::beside(out, resume);
         self.with(|scene, tracer| {
             render_with_checkpoint(scene, &self.camera, tracer, &self.settings, Some(&checkpoint), observer)
@@ -97,20 +93,33 @@ impl World {
     }
 }
 
-fn assert_same(a: &(SpectralImage, SecondPassStats), b: &(SpectralImage, SecondPassStats)) {
-    assert!(a.0.radiance.iter().zip(&b.0.radiance).all(|(a, b)| a.to_bits() == b.to_bits()));
+fn assert_same(a: &Rendered, b: &Rendered) {
+    assert!(a.image.radiance.iter().zip(&b.image.radiance).all(|(a, b)| a.to_bits() == b.to_bits()));
     let timeless = |stats: &SecondPassStats| SecondPassStats { second_pass_s: 0.0, ..stats.clone() };
-    assert_eq!(timeless(&a.1), timeless(&b.1));
+    assert_eq!(timeless(&a.stats), timeless(&b.stats));
+    assert_eq!(a.noise, b.noise);
 }
 
 #[test]
 fn an_image_cut_off_anywhere_is_completed_to_the_bit() {
-    let world = World::new();
+    let mut world = World::new();
+    is_completed_to_the_bit(&world);
+    world.settings.noise = Some(NoiseTarget { noise: 0.004, most_samples: 256 });
+    is_completed_to_the_bit(&world);
+}
+
+fn is_completed_to_the_bit(world: &World) {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let out = dir.path().join("image.exr");
     let plain = world
-        .with(|scene, tracer| render(scene, &world.camera, tracer, &world.settings, &Silent))
+        .with(|scene, tracer| {
+            render_with_checkpoint(scene, &world.camera, tracer, &world.settings, None, &Silent)
+        })
         .expect("renders");
+    if let Some(noise) = &plain.noise {
+        let few = noise.samples.iter().filter(|&&n| n == 32.0).count();
+        assert!(few > 100 && few < noise.samples.len() - 100, "some pixels take more samples, {few} few");
+    }
     assert_same(&plain, &world.keep(&out, false, &Silent).expect("renders"));
     let partial = Checkpoint::beside(&out, true).path().to_owned();
     assert_eq!(partial, dir.path().join("image.exr.partial"));
@@ -171,6 +180,7 @@ fn a_file_of_another_image_is_refused_and_left_alone() {
     for spoil in [
         (|w: &mut World| w.settings.seed = 1) as fn(&mut World),
         |w| w.settings.samples = 3,
+        |w| w.settings.noise = Some(NoiseTarget { noise: 0.1, most_samples: 16 }),
         |w| w.camera.fov_deg += 1e-9,
         |w| w.camera.resolution = [83, 45],
         |w| w.solution.radiance[5] *= 1.000_001,

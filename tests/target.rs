@@ -69,3 +69,16 @@ fn a_smaller_error_takes_more_and_too_little_time_still_gives_an_image() {
     assert_eq!(hurried.steps.len(), 2);
     assert!(hurried.image.radiance.iter().all(|l| l.is_finite()) && hurried.estimate.total > 0.0);
 }
+
+#[test]
+fn points_are_not_refined_for_an_error_that_they_cannot_mend() {
+    let (scene, camera) = &view("corridor.toml");
+    let tracer = tracers::choose(TracerChoice::Auto, &scene.geometry).unwrap();
+    let mut settings = Settings::default();
+    settings.first_pass.tolerance = 0.3;
+    let asked = (Target::Error(0.01), Fixed { rung: true, wavelengths: true });
+    let reached = target::render((scene, camera), tracer.as_ref(), &settings, asked, &Silent).unwrap();
+    let estimate = reached.estimate;
+    assert!(estimate.solver > 0.01, "the solver alone leaves more: {estimate:?}");
+    assert!(reached.steps.len() <= 4 && reached.total_s < 100.0, "{:?}", reached.steps);
+}

@@ -2,7 +2,7 @@
 //! band in which `f32` and `f64` may differ, and the voxel tracer must equal brute force to the bit.
 
 use glam::DVec3;
-use luxgraph::geometry::{Cone, Disc, QuadKind, Ray, Round, Shape, Sphere, classify_quad};
+use luxgraph::geometry::{Cone, Disc, Patch, QuadKind, Ray, Round, Shape, Sphere, classify_quad};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Verdict, judge, judge_closest};
@@ -36,12 +36,12 @@ impl Random {
     }
 }
 
-/// Parallelograms, warped quadrilaterals, triangles, slivers, discs, spheres, cylinders and cones.
+/// Parallelograms, warped quadrilaterals, triangles, slivers, discs, spheres, cylinders, cones and patches.
 fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
     let mut shapes = Vec::new();
     while shapes.len() < count {
         let (o, x, mut y) = (random.place(coarse), random.place(coarse), random.place(coarse));
-        let kind = random.below(9);
+        let kind = random.below(10);
         if kind == 0 {
             y *= 1e-3;
         }
@@ -56,6 +56,13 @@ fn shapes(random: &mut Random, count: usize, coarse: bool) -> Vec<Shape> {
             1 | 2 => Shape::Triangle([o, o + x, o + y]),
             3 => Shape::Quad(warped),
             6 => Shape::from(Disc { centre: o, normal: x.normalize(), radius: 0.5 * y.length() }),
+            9 => {
+                let mut lift = || 0.5 * random.place(coarse);
+                let net = std::array::from_fn(|j| {
+                    std::array::from_fn(|i| o + i as f64 / 3.0 * x + j as f64 / 3.0 * y + lift())
+                });
+                Patch::new(net).into()
+            }
             8 => Shape::from(Cone {
                 base: o,
                 top: o + x,
@@ -79,6 +86,9 @@ fn geometry(shapes: Vec<Shape>, size: f64, at: DVec3) -> Geometry {
         }
         Shape::Round(Round::Sphere(Sphere { centre, radius, inward })) => {
             Shape::from(Sphere { centre: size * centre + at, radius: size * radius, inward })
+        }
+        Shape::Round(Round::Patch(patch)) => {
+            Patch::new(patch.net().map(|row| row.map(|p| size * p + at))).into()
         }
         Shape::Round(Round::Cone(Cone { base, top, radius, top_radius, inward })) => Shape::from(Cone {
             base: size * base + at,

@@ -7,7 +7,7 @@ mod furnished_room;
 
 use furnished_room::{block, geometry, quads, walls};
 use glam::{DMat3, DVec3};
-use luxgraph::geometry::{Cone, Disc, Ray, Shape, Sphere};
+use luxgraph::geometry::{Cone, Disc, Patch, Ray, Shape, Sphere};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Crossing, END_ULPS, crossing, judge, judge_closest};
@@ -256,7 +256,18 @@ fn warped(make: Make, agreement: Agreement) {
     assert!((hit.t - 2.0).abs() < 1e-6, "the diagonal v1-v3 is at height 0, v0-v2 at 0.5: t = {}", hit.t);
 }
 
-/// A room with balls, discs, cylinders and cones in it, one around it all and one around one of them; turned, of any size, anywhere.
+/// A bent patch about `size` wide, one edge of it a point if its `bend` is upwards.
+fn patch(centre: DVec3, size: f64, bend: DVec3) -> Shape {
+    let at = |i: usize, j: usize| {
+        let (u, v) = (i as f64 / 3.0 - 0.5, j as f64 / 3.0 - 0.5);
+        let narrow = if bend.z > 0.0 { v + 0.5 } else { 1.0 };
+        let hump = if !i.is_multiple_of(3) && !j.is_multiple_of(3) { 1.5 } else { 0.0 };
+        centre + size * (DVec3::new(narrow * u, v, u * v) + hump * bend)
+    };
+    Patch::new(std::array::from_fn(|j| std::array::from_fn(|i| at(i, j)))).into()
+}
+
+/// A room with balls, discs, cylinders, cones and patches in it, one around it all and one around one of them; turned, of any size, anywhere.
 fn round(make: Make, agreement: Agreement) {
     for (size, place) in
         [(1.0, DVec3::ZERO), (1e-3, DVec3::splat(2.0)), (1e6, DVec3::ZERO), (1.0, DVec3::X * 1e4)]
@@ -276,6 +287,7 @@ fn round(make: Make, agreement: Agreement) {
             shapes.push(match k % 4 {
                 0 => Shape::from(Sphere { centre, radius, inward }),
                 1 => Shape::from(Disc { centre, normal: axis.normalize(), radius }),
+                2 if k % 3 == 0 => patch(centre, 2.0 * radius, axis),
                 2 => cone(radius),
                 _ => cone(if inward { 0.0 } else { 0.4 * radius }),
             });

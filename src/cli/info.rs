@@ -31,6 +31,7 @@ struct Contents {
     spheres: usize,
     cylinders: usize,
     cones: usize,
+    patches: usize,
     two_sided_surfaces: usize,
     area_m2: f64,
     points: usize,
@@ -199,6 +200,7 @@ fn contents(scene: &Scene) -> Contents {
         discs: count(|round| matches!(round, Round::Disc(_))),
         spheres: count(|round| matches!(round, Round::Sphere(_))),
         cylinders: count(|round| matches!(round, Round::Cone(cone) if cone.radius == cone.top_radius)),
+        patches: count(|round| matches!(round, Round::Patch(_))),
         cones: count(|round| matches!(round, Round::Cone(cone) if cone.radius != cone.top_radius)),
         two_sided_surfaces: geometry.two_sided.iter().filter(|&&t| t).count(),
         area_m2: geometry.surfaces.iter().map(|s| s.area).sum(),
@@ -232,9 +234,11 @@ fn print_contents(contents: &Contents) {
         contents.two_sided_surfaces,
         contents.objects
     );
-    let Contents { discs, spheres, cylinders, cones, .. } = contents;
-    if discs + spheres + cylinders + cones > 0 {
-        say!("discs: {discs}, spheres: {spheres}, cylinders: {cylinders}, cones: {cones}");
+    let Contents { discs, spheres, cylinders, cones, patches, .. } = contents;
+    if discs + spheres + cylinders + cones + patches > 0 {
+        say!(
+            "discs: {discs}, spheres: {spheres}, cylinders: {cylinders}, cones: {cones}, patches: {patches}"
+        );
     }
     say!("{x:.3} x {y:.3} x {z:.3} m, {:.3} m² of surface", contents.area_m2);
     say!("{} sample points by area, {} of them specular", contents.points, contents.specular_points);
@@ -246,6 +250,8 @@ fn print_contents(contents: &Contents) {
             None => (line.flux_lm.unwrap_or(0.0), "lm"),
         };
         let file = match (line.file_lm, line.lamps_lm) {
+            // A file may leave its lamps' flux at 0: no share of that can be told.
+            (Some(file), Some(0.0)) => format!("; its file: {file:.1} lm"),
             (Some(file), Some(lamps)) => {
                 format!("; its file: {file:.1} lm, {:.1} % of its lamps' {lamps:.0} lm", 100.0 * file / lamps)
             }

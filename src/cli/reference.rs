@@ -60,7 +60,7 @@ pub fn run(args: &Reference) -> Result<()> {
         say!("noise: {:.3} % of the mean luminance, root mean square over the pixels", 100.0 * noise);
     }
     let layers = ExrOptions { xyz: args.spectral, spectral: args.spectral };
-    output::exr::write_with_noise(&targets.exr, &found.image, &layers, &found.noise)?;
+    output::exr::write_with(&targets.exr, &found.image, &layers, &[(output::exr::NOISE, &found.noise)])?;
     let exposure_ev = output::png::write(&targets.png, &found.image, exposure)?;
     say!("wrote {} and {} (exposure {exposure_ev:+.2} EV)", targets.exr.display(), targets.png.display());
     if let Some(path) = &targets.report {

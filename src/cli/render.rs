@@ -4,10 +4,15 @@ use super::args::Render;
 use super::progress::Bars;
 use super::run::{Job, Targets, camera, exposure, inputs, note, prepare, settings};
 use super::say::{say, tell};
-use luxgraph::error::Result;
+use luxgraph::error::{Error, Result};
+use luxgraph::pipeline::Prepared;
+use luxgraph::points::LightRefinement;
+use luxgraph::scene::Scene;
 use luxgraph::second_pass::Checkpoint;
+use luxgraph::settings::Settings;
 use luxgraph::target::{self, Fixed, Reached, Target};
-use luxgraph::{pipeline, scene, tracers};
+use luxgraph::tracers::RayTracer;
+use luxgraph::{pipeline, scene, share, tracers};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -16,7 +21,8 @@ use std::time::Instant;
 pub fn run(args: &Render) -> Result<()> {
     let started = Instant::now();
     let options = &args.options;
-    let settings = settings(options)?;
+    let mut settings = settings(options)?;
+    settings.refinement = refinement(args)?;
     let exposure = exposure(&options.exposure)?;
     let target = target(args)?;
     let exr = args.output.clone().unwrap_or_else(|| {
@@ -36,6 +42,8 @@ pub fn run(args: &Render) -> Result<()> {
         let fixed =
             Fixed { rung: options.second_pass.is_some(), wavelengths: lighting.wavelengths.is_some() };
         let view = (&scene, &camera);
+        // What is estimated from one number of points to the next is the error of all pairs.
+        let settings = Settings { most_paired: usize::MAX, ..settings };
         let reached = target::render(view, tracer.as_ref(), &settings, (target, fixed), &bars)?;
         tell_reached(target, &reached);
         let job = Job {
@@ -51,9 +59,10 @@ pub fn run(args: &Render) -> Result<()> {
             target: Some(report(target, &reached)),
             started,
         };
-        return job.write(&targets, &reached.light, &reached.image, reached.second_pass.clone());
+        return job.write(&targets, &reached.light, (&reached.image, None), reached.second_pass.clone());
     }
     let (tracer, prepared) = prepare(&scene, &settings, options.lighting.graph.as_deref(), &bars)?;
+    let prepared = refine(&scene, prepared, &settings, tracer.as_ref(), &bars)?;
     let job = Job {
         scene: &scene,
         sources: sources(args),
@@ -69,6 +78,36 @@ pub fn run(args: &Render) -> Result<()> {
     };
     let mut first_pass = pipeline::first_pass(&scene.geometry, &prepared, &settings, &bars)?;
     job.run(&targets, first_pass.as_mut(), &bars)
+}
+
+/// How far elements are divided for the light's sake.
+fn refinement(args: &Render) -> Result<Option<LightRefinement>> {
+    if !(1.0..=1000.0).contains(&args.refine_growth) {
+        return Err(Error::Settings(format!("--refine-growth {}: give 1 to 1000", args.refine_growth)));
+    }
+    let growth = args.refine_growth;
+    let with = |tolerance| LightRefinement { tolerance, growth, ..LightRefinement::default() };
+    Ok(args.refine.as_deref().map(|text| share::parse("--refine", text)).transpose()?.map(with))
+}
+
+/// Divides elements where that was asked for; says in one line what came out.
+fn refine(
+    scene: &Scene,
+    prepared: Prepared,
+    settings: &Settings,
+    tracer: &dyn RayTracer,
+    bars: &Bars,
+) -> Result<Prepared> {
+    let Some(refinement) = &settings.refinement else { return Ok(prepared) };
+    let (geometry, appearance, sampling) = (&scene.geometry, &scene.appearance, &scene.sampling);
+    let (started, before) = (Instant::now(), prepared.points.len());
+    let finer = pipeline::refine_by_light(geometry, prepared, appearance, sampling, settings, tracer, bars)?;
+    let (after, seconds) = (finer.points.len(), started.elapsed().as_secs_f64());
+    say!("refined by the light: {before} points became {after} in {seconds:.2} s");
+    if after as f64 > 0.99 * refinement.growth * before as f64 {
+        tell!("note: more points would be needed for this --refine: raise --refine-growth");
+    }
+    Ok(finer)
 }
 
 /// Scene file and changes, as named by the user.

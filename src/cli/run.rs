@@ -10,9 +10,11 @@ use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, Geometry, MaterialId, SampledAppearance, Scene};
 use luxgraph::second_pass::{
-    self, Checkpoint, Passes, Rung, SecondPassSettings, SecondPassStats, SpectralImage,
+    self, Checkpoint, NoiseStats, NoiseTarget, Passes, PixelNoise, Rendered, Rung, SecondPassSettings,
+    SecondPassStats, SpectralImage,
 };
 use luxgraph::settings::{Quality, Settings};
+use luxgraph::share;
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::{self, RayTracer, TracerChoice};
 use luxgraph::visibility::{LinkSettings, Links};
@@ -45,6 +47,11 @@ pub fn settings(options: &Options) -> Result<Settings> {
         };
     }
     ladder_samples(options, &mut settings.second_pass)?;
+    if let Some(text) = &options.noise {
+        let (noise, most_samples) = (share::parse("a noise", text)?, options.max_samples);
+        settings.second_pass.noise = Some(NoiseTarget { noise, most_samples });
+        settings.second_pass.check()?;
+    }
     settings.first_pass.parts = settings.second_pass.rung != Rung::Interpolate;
     settings.second_pass.passes = match options.passes {
         PassesArg::First => Passes::FirstPassOnly,
@@ -92,6 +99,7 @@ pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
         links.validate()?;
         settings.links = Some(links);
     }
+    settings.most_paired = options.most_paired;
     let first = &mut settings.first_pass;
     if let Some(kernel) = options.kernel {
         first.kernel = match kernel {
@@ -241,7 +249,7 @@ pub fn prepare<'a>(
     let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let prepared =
         pipeline::prepare(&scene.geometry, &scene.sampling, settings, tracer.as_ref(), graph, observer)?;
-    say_prepared(scene, &prepared, tracer.as_ref());
+    say_prepared(scene, &prepared, settings, tracer.as_ref());
     Ok((tracer, prepared))
 }
 
@@ -258,12 +266,20 @@ pub fn prepare_changed<'a>(
     let (geometry, sampling) = (&scene.geometry, &scene.sampling);
     let prepared =
         pipeline::prepare_changed(before, geometry, sampling, settings, tracer.as_ref(), observer)?;
-    say_prepared(scene, &prepared, tracer.as_ref());
+    say_prepared(scene, &prepared, settings, tracer.as_ref());
     Ok((tracer, prepared))
 }
 
 /// Says in one line what was prepared, and how.
-fn say_prepared(scene: &Scene, prepared: &Prepared, tracer: &dyn RayTracer) {
+fn say_prepared(scene: &Scene, prepared: &Prepared, settings: &Settings, tracer: &dyn RayTracer) {
+    let points = prepared.points.len();
+    if prepared.links.is_some() && settings.links.is_none() {
+        tell!(
+            "note: {points} sample points are more than {}: light is exchanged over links to clusters of points in place \
+             of all pairs (--most-paired N changes the limit, at a cost that grows with its square)",
+            settings.most_paired
+        );
+    }
     let stats = &prepared.graph.stats;
     let (time, name, rays) = (stats.build_s, tracer.name(), stats.rays_cast);
     let how = if let Some(Links { stats, .. }) = &prepared.links {
@@ -332,11 +348,13 @@ impl Job<'_> {
         }
         let specular = first_pass::specular_points(&self.prepared.points, &lit.0);
         let most = settings.first_pass.most_specular;
-        if specular > most {
+        let evenly = "the light that they pass on to other surfaces is spread evenly; views show mirrors and glass as they are";
+        if self.prepared.links.is_some() && specular > 0 {
+            tell!("note: {specular} sample points are specular, and links carry diffuse light: {evenly}");
+        } else if specular > most {
             tell!(
-                "note: {specular} sample points are specular, more than {most}: the light that they pass on to other \
-                 surfaces is spread evenly, and glass lets none through; views show mirrors and glass as they are \
-                 (--most-specular N changes the limit, at a cost that grows with its cube)"
+                "note: {specular} sample points are specular, more than {most}: {evenly} (--most-specular N changes the \
+                 limit, at a cost that grows with its cube)"
             );
         }
         let stats = &lit.1.stats;
@@ -347,7 +365,7 @@ impl Job<'_> {
             100.0 * stats.residual,
             stats.rays_cast
         );
-        let (image, stats) = second_pass::render_with_checkpoint(
+        let Rendered { image, stats, noise } = second_pass::render_with_checkpoint(
             &pipeline::lit_scene(geometry, self.prepared, &lit),
             self.camera,
             self.tracer,
@@ -356,7 +374,10 @@ impl Job<'_> {
             observer,
         )?;
         say!("second pass: {:.2} s, {} rays", stats.second_pass_s, stats.rays());
-        self.write(targets, &lit, &image, stats)
+        if let Some(noise) = &stats.noise {
+            say_noise(noise);
+        }
+        self.write(targets, &lit, (&image, noise.as_ref()), stats)
     }
 
     /// The files of an image.
@@ -364,11 +385,14 @@ impl Job<'_> {
         &self,
         targets: &Targets,
         lit: &(SampledAppearance, DiffuseSolution),
-        image: &SpectralImage,
+        (image, noise): (&SpectralImage, Option<&PixelNoise>),
         stats: SecondPassStats,
     ) -> Result<()> {
         let layers = output::exr::ExrOptions { xyz: self.spectral, spectral: self.spectral };
-        output::exr::write(&targets.exr, image, &layers)?;
+        let more = noise
+            .iter()
+            .flat_map(|of| [(output::exr::NOISE, &of.noise[..]), (output::exr::SAMPLES, &of.samples[..])]);
+        output::exr::write_with(&targets.exr, image, &layers, &more.collect::<Vec<_>>())?;
         if let Some(checkpoint) = &self.checkpoint {
             checkpoint.finish()?;
         }
@@ -408,6 +432,20 @@ impl Job<'_> {
             total_s: self.started.elapsed().as_secs_f64(),
             peak_memory_bytes: peak_memory_bytes(),
         }
+    }
+}
+
+/// Says how noisy an image is and what it took.
+fn say_noise(found: &NoiseStats) {
+    say!(
+        "noise: {:.2} % of luminance, root mean square over the pixels ({} % asked for); {:.1} samples a pixel, {} at most",
+        100.0 * found.noise,
+        100.0 * found.asked,
+        found.mean_samples,
+        found.most_samples
+    );
+    if found.noise > found.asked {
+        tell!("note: the noise asked for was not reached: raise --max-samples");
     }
 }
 

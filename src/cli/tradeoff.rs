@@ -9,7 +9,7 @@ use luxgraph::output::exr;
 use luxgraph::report::tradeoff::judge::{Judge, JudgeSettings};
 use luxgraph::report::tradeoff::knobs::{Extent, trials};
 use luxgraph::report::tradeoff::plot::{self, Quantity};
-use luxgraph::report::tradeoff::table::{self, Row};
+use luxgraph::report::tradeoff::table::{self, Row, Took};
 use luxgraph::report::tradeoff::trial::{Bench, Outcome};
 use luxgraph::report::{Machine, write_json};
 use luxgraph::scene::{Camera, Scene};
@@ -67,8 +67,11 @@ pub fn run(args: &Tradeoff) -> Result<()> {
     for trial in &trials {
         let label = format!("{}: {}", trial.knob, trial.value);
         let key = bench.key(trial);
-        let row = match before.iter().find(|row| row.key == key) {
-            Some(row) => Row { knob: trial.knob.clone(), value: trial.value.clone(), ..row.clone() },
+        let row = match before.iter().find(|row| row.against.key == key) {
+            Some(row) => {
+                let (knob, value) = (trial.knob.clone(), trial.value.clone());
+                Row { took: Took { knob, value, ..row.took.clone() }, ..row.clone() }
+            }
             None => match bench.run(trial, &bars)? {
                 Outcome::Measured(row) => *row,
                 Outcome::TooLong(s) => {
@@ -78,15 +81,19 @@ pub fn run(args: &Tradeoff) -> Result<()> {
                     );
                     continue;
                 }
+                Outcome::Refused(why) => {
+                    tell!("note: {label}: left out: {why}");
+                    continue;
+                }
             },
         };
         say!(
             "{label:<width$} {:>7} {:>9.3} {:>7.2} % {:>7.2} % {:>7.2}",
-            row.points,
-            row.total_s,
+            row.took.points,
+            row.took.total_s,
             100.0 * row.known_error(),
-            100.0 * row.noise,
-            row.delta_e_mean
+            100.0 * row.errors.noise,
+            row.errors.delta_e_mean
         );
         rows.push(row);
         table::mark_front(&mut rows);
@@ -98,11 +105,11 @@ pub fn run(args: &Tradeoff) -> Result<()> {
         plot::write(&args.output.join(file), &format!("{name}, camera {}", camera.name), &rows, quantity)?;
     }
     say!("on the Pareto front of processor time and error of luminance:");
-    let mut front: Vec<&Row> = rows.iter().filter(|row| row.on_front).collect();
-    front.sort_by(|a, b| a.processor_s.total_cmp(&b.processor_s));
+    let mut front: Vec<&Row> = rows.iter().filter(|row| row.took.on_front).collect();
+    front.sort_by(|a, b| a.took.processor_s.total_cmp(&b.took.processor_s));
     for row in front {
         let error = 100.0 * row.known_error();
-        say!("{:>9.2} s {error:>7.2} %  {}: {}", row.processor_s, row.knob, row.value);
+        say!("{:>9.2} s {error:>7.2} %  {}: {}", row.took.processor_s, row.took.knob, row.took.value);
     }
     say!("wrote {} and plots beside it", csv.display());
     if let Some(path) = &args.report {

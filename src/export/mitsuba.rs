@@ -1,6 +1,6 @@
 //! A scene for Mitsuba 3: XML, PLY meshes and full spectra, for its spectral variants.
 
-use super::ply;
+use super::{ply, sky};
 use crate::atomic_file;
 use crate::error::{Error, Result};
 use crate::geometry::Round;
@@ -38,15 +38,13 @@ pub fn export(scene: &Scene, camera: &Camera, samples: u32, folder: &Path) -> Re
     for (light, source) in scene.geometry.lights.iter().zip(&scene.appearance.lights) {
         writer.light(light, source, scene.geometry.centre);
     }
-    if scene.appearance.sky.is_some() {
-        writer.note("the sky: left out".into());
-    }
+    sky::write(&mut writer, scene, folder)?;
     writer.line(0, "</scene>");
     atomic_file::write(&folder.join("scene.xml"), writer.xml.as_bytes())?;
     Ok(writer.notes)
 }
 
-struct Writer {
+pub(super) struct Writer {
     xml: String,
     notes: Vec<String>,
 }
@@ -55,22 +53,22 @@ fn point(name: &str, p: DVec3) -> String {
     format!("<point name=\"{name}\" x=\"{}\" y=\"{}\" z=\"{}\"/>", p.x, p.y, p.z)
 }
 
-fn float(name: &str, value: f64) -> String {
+pub(super) fn float(name: &str, value: f64) -> String {
     format!("<float name=\"{name}\" value=\"{value}\"/>")
 }
 
 impl Writer {
-    fn line(&mut self, depth: usize, text: &str) {
+    pub(super) fn line(&mut self, depth: usize, text: &str) {
         let _ = writeln!(self.xml, "{:1$}{text}", "", 4 * depth);
     }
 
-    fn note(&mut self, note: String) {
+    pub(super) fn note(&mut self, note: String) {
         if !self.notes.contains(&note) {
             self.notes.push(note);
         }
     }
 
-    fn spectrum(&mut self, depth: usize, name: &str, of: &dyn Fn(f64) -> f64) {
+    pub(super) fn spectrum(&mut self, depth: usize, name: &str, of: &dyn Fn(f64) -> f64) {
         let values: Vec<String> =
             (FIRST_NM..=LAST_NM).map(|nm| format!("{:.6e}", of(f64::from(nm)))).collect();
         self.line(depth, &format!("<spectrum type=\"regular\" name=\"{name}\">"));
@@ -333,7 +331,7 @@ impl Writer {
                     self.line(2, "<boolean name=\"flip_normals\" value=\"true\"/>");
                 }
             }
-            Round::Cone(_) => return false,
+            Round::Cone(_) | Round::Patch(_) => return false,
         }
         true
     }

@@ -2,3 +2,4 @@
 
 pub mod mitsuba;
 mod ply;
+mod sky;

@@ -90,6 +90,11 @@ impl Bounce<'_> {
         Incoming { light, entered, medium }
     }
 
+    /// Flux that comes in at specular point `s`, W nm⁻¹: `[W]`.
+    pub fn entering(&self, s: usize) -> Vec<f64> {
+        self.incoming(s).entered
+    }
+
     /// What `s` sends to the members in its first `groups`: reflected from its own side, transmitted from its
     /// twin's.
     pub fn outgoing(&self, s: usize, groups: usize) -> Outgoing {

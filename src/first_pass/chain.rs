@@ -38,6 +38,23 @@ impl SpecularSet {
         self.chains(&Bounce { set: self, points, radiance: None, lights: Some(lights), state: None }, limits)
     }
 
+    /// Flux that the diffuse `radiance` (`[W][N]`) of all points brings to specular points, W nm⁻¹: `[W]`; and the same
+    /// with all radiance taken as positive.
+    pub(super) fn entering(&self, points: &SamplePoints, radiance: &[f32]) -> (Vec<f64>, Vec<f64>) {
+        let flux = |radiance: &[f32]| {
+            let by_point = interleave(radiance, points.len(), self.wavelengths);
+            let bounce = Bounce { set: self, points, radiance: Some(&by_point), lights: None, state: None };
+            let entered: Vec<Vec<f64>> =
+                (0..self.points.len()).into_par_iter().map(|s| bounce.entering(s)).collect();
+            entered.iter().fold(vec![0.0; self.wavelengths], |mut sum, more| {
+                add(&mut sum, more);
+                sum
+            })
+        };
+        let positive: Vec<f32> = radiance.iter().map(|l| l.abs()).collect();
+        (flux(radiance), flux(&positive))
+    }
+
     /// The chains that begin with the `first` bounce.
     fn chains(&self, first: &Bounce, limits: &ChainLimits) -> ChainFlow {
         let points = first.points;

@@ -143,29 +143,17 @@ impl<'a> DiffuseOperator<'a> {
     /// E of every point for which `wanted` holds (0 for the others), W m⁻² nm⁻¹, from the radiance of
     /// every point; both `[W][N]`. One sweep.
     pub fn irradiance(&self, radiance: &[f32], wanted: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
-        let n = self.points.len();
-        if n == 0 {
-            return Vec::new();
-        }
-        let w = radiance.len() / n;
-        let bands = w.div_ceil(BAND);
-        let scale: Vec<f32> = radiance.chunks(n).map(unit_of).collect();
-        let by_point = interleave(radiance, &scale, n);
-        let mut sums = self.exchange(&self.power(&by_point, bands, &wanted));
-        let mut irradiance = vec![0.0; n * w];
-        (sums.par_chunks_mut(bands).enumerate()).filter(|&(i, _)| wanted(i)).for_each(|(i, sums)| {
-            for (j, difference) in self.corrections.row(i) {
-                for (sum, light) in sums.iter_mut().zip(&by_point[j * bands..]) {
-                    (0..BAND).for_each(|k| sum[k] += f64::from(difference * light[k]));
+        sweep(radiance, self.points.len(), &wanted, |by_point, bands| {
+            let mut sums = self.exchange(&self.power(by_point, bands, &wanted));
+            (sums.par_chunks_mut(bands).enumerate()).filter(|&(i, _)| wanted(i)).for_each(|(i, sums)| {
+                for (j, difference) in self.corrections.row(i) {
+                    for (sum, light) in sums.iter_mut().zip(&by_point[j * bands..]) {
+                        (0..BAND).for_each(|k| sum[k] += f64::from(difference * light[k]));
+                    }
                 }
-            }
-        });
-        for (k, (irradiance, scale)) in irradiance.chunks_mut(n).zip(&scale).enumerate() {
-            for (i, e) in irradiance.iter_mut().enumerate().filter(|(i, _)| wanted(*i)) {
-                *e = (sums[i * bands + k / BAND][k % BAND] * f64::from(*scale)) as f32;
-            }
-        }
-        irradiance
+            });
+            sums
+        })
     }
 
     /// What the points send, given their radiance `[N][bands]`.
@@ -285,8 +273,32 @@ impl<'a> DiffuseOperator<'a> {
     }
 }
 
+/// E of the `n` points for which `wanted` holds (0 for the others) from the radiance of all, both `[W][N]`, given what makes
+/// sums of products, `[N][bands]`, of radiance that is laid out so and near 1 at every wavelength.
+pub(super) fn sweep(
+    radiance: &[f32],
+    n: usize,
+    wanted: impl Fn(usize) -> bool,
+    sums: impl FnOnce(&[[f32; BAND]], usize) -> Vec<[f64; BAND]>,
+) -> Vec<f32> {
+    if n == 0 {
+        return Vec::new();
+    }
+    let w = radiance.len() / n;
+    let bands = w.div_ceil(BAND);
+    let scale: Vec<f32> = radiance.chunks(n).map(unit_of).collect();
+    let sums = sums(&interleave(radiance, &scale, n), bands);
+    let mut irradiance = vec![0.0; n * w];
+    for (k, (irradiance, scale)) in irradiance.chunks_mut(n).zip(&scale).enumerate() {
+        for (i, e) in irradiance.iter_mut().enumerate().filter(|(i, _)| wanted(*i)) {
+            *e = (sums[i * bands + k / BAND][k % BAND] * f64::from(*scale)) as f32;
+        }
+    }
+    irradiance
+}
+
 /// A power of two near the largest of some values, so that no product with them is lost to `f32`.
-pub(super) fn unit_of(values: &[f32]) -> f32 {
+fn unit_of(values: &[f32]) -> f32 {
     let largest = values.iter().fold(0.0f32, |most, v| most.max(v.abs()));
     if largest > 0.0 && largest.is_finite() {
         2.0f32.powi((largest.log2().round() as i32).clamp(-126, 126))
@@ -296,7 +308,7 @@ pub(super) fn unit_of(values: &[f32]) -> f32 {
 }
 
 /// `[W][N]` over the unit of each wavelength as `[N][bands]`.
-pub(super) fn interleave(radiance: &[f32], unit: &[f32], n: usize) -> Vec<[f32; BAND]> {
+fn interleave(radiance: &[f32], unit: &[f32], n: usize) -> Vec<[f32; BAND]> {
     let bands = unit.len().div_ceil(BAND);
     let mut by_point = vec![[0.0; BAND]; n * bands];
     for (k, (plane, unit)) in radiance.chunks(n).zip(unit).enumerate() {

@@ -3,15 +3,17 @@
 
 use super::{DiffuseSolution, FirstPass};
 use crate::error::Result;
-use crate::material::{FresnelTable, SampledMaterial};
+use crate::geometry::Side;
+use crate::material::{FresnelTable, SampledMaterial, Spread, Transmission};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::SampledAppearance;
+use glam::DVec3;
 
-/// A first pass that, where more than `most_specular` points are specular, takes them as diffuse ones that reflect as
-/// much: the light between surfaces keeps its amount but for the shadowing of rough facets, and loses its direction. Glass
-/// reflects so too and lets nothing through. The solution is of diffuse light, as ever, and views show mirrors and
-/// glass as they are.
+/// A first pass that, where more than `most_specular` points are specular, takes them as diffuse ones that reflect and
+/// transmit as much: the light between surfaces keeps its amount but for the shadowing of rough facets, and loses its
+/// direction. So sunlight through glass falls in as skylight would, and a solid absorbs as much as over its mean chord each
+/// time that light crosses it. The solution is of diffuse light, as ever, and views show mirrors and glass as they are.
 pub struct Evenly<'a> {
     /// What computes the light.
     pub first_pass: Box<dyn FirstPass + 'a>,
@@ -33,7 +35,8 @@ impl FirstPass for Evenly<'_> {
         if !whole || specular_points(self.points, appearance) <= self.most_specular {
             return self.first_pass.light(appearance, observer);
         }
-        let materials = appearance.materials.iter().map(even).collect();
+        let chords = mean_chords(self.points, appearance);
+        let materials = appearance.materials.iter().zip(chords).map(|(m, chord)| even(m, chord)).collect();
         let even = SampledAppearance { materials, ..appearance.clone() };
         let mut solution = self.first_pass.light(&even, observer)?;
         let w = solution.wavelengths.len();
@@ -49,6 +52,7 @@ impl FirstPass for Evenly<'_> {
                 solution.radiance[at] = emitted + share * (solution.radiance[at] - emitted).max(0.0);
                 if let Some(parts) = &mut solution.parts {
                     parts.direct[at] *= share;
+                    parts.specular[at] *= share;
                 }
             }
         }
@@ -56,15 +60,53 @@ impl FirstPass for Evenly<'_> {
     }
 }
 
-/// A diffuse material that reflects as much.
-fn even(material: &SampledMaterial) -> SampledMaterial {
+/// A diffuse material that reflects and transmits as much; the mean chord of the bodies that wear it is in m.
+fn even(material: &SampledMaterial, mean_chord: f64) -> SampledMaterial {
     if !material.is_specular() {
         return material.clone();
     }
-    let specular = hemispherical(&material.reflect, material.diffuse.len());
-    let diffuse = material.diffuse.iter().zip(specular);
+    let w = material.diffuse.len();
+    let reflected = hemispherical(&material.reflect, w);
+    let diffuse = material.diffuse.iter().zip(&reflected);
     let diffuse = diffuse.map(|(d, r)| (d + material.s as f32 * r).clamp(0.0, 1.0)).collect();
-    SampledMaterial { diffuse, s: 0.0, transmission: None, ..material.clone() }
+    let spread = material.transmission.as_ref().map(|glass| match glass {
+        Transmission::Pane { transmit } => {
+            let through = hemispherical(transmit, w);
+            Spread { inwards: through.clone(), outwards: through, inside: reflected.clone() }
+        }
+        Transmission::Solid { n, absorption, .. } => {
+            let inwards: Vec<f32> = reflected.iter().map(|r| 1.0 - r).collect();
+            // The flux of even light that gets out is that which gets in, over n².
+            let out = |k: usize| f64::from(inwards[k]) / (n * n);
+            let left = |k: usize| (-f64::from(absorption[k]) * mean_chord).exp();
+            Spread {
+                outwards: (0..w).map(|k| (left(k) * out(k)) as f32).collect(),
+                inside: (0..w).map(|k| (left(k) * (1.0 - out(k))) as f32).collect(),
+                inwards,
+            }
+        }
+    });
+    SampledMaterial { diffuse, s: 0.0, transmission: None, spread, ..material.clone() }
+}
+
+/// 4 V/S (Cauchy) of what each material encloses, m; 0 where it encloses nothing.
+fn mean_chords(points: &SamplePoints, appearance: &SampledAppearance) -> Vec<f64> {
+    let mut chords = Vec::with_capacity(appearance.materials.len());
+    let mut sums = vec![(DVec3::ZERO, 0.0, 0.0); appearance.materials.len()];
+    for i in (0..points.len()).filter(|&i| points.side[i] == Side::Front) {
+        let (facing, volume, area) =
+            &mut sums[appearance.surface_material[points.surface[i].index()].0 as usize];
+        let vector = f64::from(points.area[i]) * points.normal[i].as_dvec3();
+        *facing += vector;
+        *volume += vector.dot(points.position[i].as_dvec3()) / 3.0;
+        *area += f64::from(points.area[i]);
+    }
+    for (facing, volume, area) in sums {
+        // The fronts of a closed surface face all ways alike.
+        let closed = facing.length() < 1e-2 * area && volume > 0.0;
+        chords.push(if closed { 4.0 * volume / area } else { 0.0 });
+    }
+    chords
 }
 
 /// 2 ∫ F cos θ d cos θ: `[W]`.

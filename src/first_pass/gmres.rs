@@ -104,6 +104,13 @@ fn size((area, weight): (&[f32], &[f32]), r: impl Iterator<Item = f64>) -> f64 {
     area.iter().zip(weight).map(root).zip(r).map(|(root, r)| root * r.abs()).sum()
 }
 
+/// The [`size`] of a vector `[W][N]` at each of `w` wavelengths.
+pub(super) fn sizes((area, weight): (&[f32], &[f32]), w: usize, r: &[f32]) -> Vec<f64> {
+    let n = area.len();
+    let of = |k: usize| size((area, weight), r[k * n..(k + 1) * n].iter().map(|&r| f64::from(r)));
+    (0..w).map(of).collect()
+}
+
 /// Solves A x = b, `[W][N]`, in the norm that weighs points by `weight`, until the [`size`] of the residual of
 /// wavelength k is at most `goal[k]` or `limit` steps are done. `step(v, excess)` returns (z, A z) where z
 /// is v or something nearer to A⁻¹ v; `excess` is the largest residual yet over its goal.
@@ -125,8 +132,7 @@ pub fn solve(
     loop {
         let residual = |k: usize| &outcome.residual[k * n..(k + 1) * n];
         let norm: Vec<f64> = (0..w).map(|k| inner(weight, residual(k), residual(k)).sqrt()).collect();
-        let left = |k: usize| size((area, weight), residual(k).iter().map(|&r| f64::from(r)));
-        outcome.left = (0..w).map(left).collect();
+        outcome.left = sizes((area, weight), w, &outcome.residual);
         let open = |k: usize| outcome.left[k] > goal[k];
         if outcome.steps >= limit || !(0..w).any(open) {
             return Ok(outcome);

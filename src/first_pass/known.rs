@@ -7,6 +7,9 @@
 use super::gmres::inner;
 use rayon::prelude::*;
 
+/// What is less than this share of an image is rounding: of one that was just found, and of one that may be made of others.
+const LEAST: [f64; 2] = [1e-6, 1e-3];
+
 /// Directions whose images are known; the images are orthonormal.
 #[derive(Default)]
 pub struct Known {
@@ -41,6 +44,50 @@ fn add(x: &mut [f32], factor: f64, y: &[f32]) {
 }
 
 impl Known {
+    /// Adds a direction of which the `image`, A times it, is known.
+    pub fn add(&mut self, mut direction: Vec<f32>, mut image: Vec<f32>, weight: &[f32]) {
+        let n = weight.len().max(1);
+        (direction.par_chunks_mut(n).zip(image.par_chunks_mut(n)).enumerate()).for_each(
+            |(k, (direction, image))| {
+                let size = inner(weight, image, image).sqrt();
+                let unit = if size > 0.0 { (1.0 / size) as f32 } else { 0.0 };
+                for v in [&mut *direction, &mut *image] {
+                    v.iter_mut().for_each(|v| *v *= unit);
+                }
+                self.orthonormalise(k, (direction, image), weight, LEAST[1]);
+            },
+        );
+        self.directions.push(direction);
+        self.images.push(image);
+    }
+
+    /// Takes out of an image at wavelength `k`, of a size of about 1, and out of its direction, what lies along those known,
+    /// and makes it a unit one; nothing is left of it, and the answer is no, where less than `least` is left.
+    fn orthonormalise(
+        &self,
+        k: usize,
+        (direction, image): (&mut [f32], &mut [f32]),
+        weight: &[f32],
+        least: f64,
+    ) -> bool {
+        let plane = k * weight.len()..(k + 1) * weight.len();
+        // Twice, as once in f32 leaves too much of the old images.
+        for _ in 0..2 {
+            for (old, known) in self.images.iter().zip(&self.directions) {
+                let old = &old[plane.clone()];
+                let along = inner(weight, image, old);
+                add(image, -along, old);
+                add(direction, -along, &known[plane.clone()]);
+            }
+        }
+        let length = inner(weight, image, image).sqrt();
+        let scale = if length > least { 1.0 / length } else { 0.0 };
+        for v in [direction, image] {
+            v.iter_mut().for_each(|v| *v = (f64::from(*v) * scale) as f32);
+        }
+        scale > 0.0
+    }
+
     /// Solves A x = `b`, `[W][N]`, until the residual of every wavelength is `goal` of b in the norm of `weight`, or
     /// `limit` steps are done. `apply` is A. Returns (x, b - A x).
     pub fn solve(
@@ -76,23 +123,10 @@ impl Known {
             let mut image = apply(&direction);
             (direction.par_chunks_mut(n).zip(image.par_chunks_mut(n)).zip(&mut planes).enumerate()).for_each(
                 |(k, ((direction, image), plane))| {
-                    // Twice, as once in f32 leaves too much of the old images.
-                    for _ in 0..2 {
-                        for (old, known) in self.images.iter().zip(&self.directions) {
-                            let old = &old[k * n..(k + 1) * n];
-                            let along = inner(weight, image, old);
-                            add(image, -along, old);
-                            add(direction, -along, &known[k * n..(k + 1) * n]);
-                        }
-                    }
-                    let length = inner(weight, image, image).sqrt();
-                    let scale = if length > 1e-6 { 1.0 / length } else { 0.0 };
-                    for v in [&mut *direction, &mut *image] {
-                        v.iter_mut().for_each(|v| *v = (f64::from(*v) * scale) as f32);
-                    }
+                    let new = self.orthonormalise(k, (direction, image), weight, LEAST[0]);
                     if open(plane) {
                         plane.take(weight, direction, image);
-                        if scale == 0.0 {
+                        if !new {
                             plane.norm = 0.0;
                         }
                     }

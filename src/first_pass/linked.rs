@@ -1,6 +1,6 @@
 //! The diffuse operator over links: irradiance of all points from the radiance of clusters of points.
 
-use super::diffuse::{interleave, unit_of};
+use super::diffuse::sweep;
 use super::form_factor::{NEAR, exact, plain, plane_distances};
 use super::lobe_table::BAND;
 use super::near::DOUBT;
@@ -195,34 +195,24 @@ impl<'a> LinkedOperator<'a> {
     /// every point; both `[W][N]`. One sweep.
     pub fn irradiance(&self, radiance: &[f32], wanted: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
         let n = self.points.len();
-        if n == 0 {
-            return Vec::new();
-        }
-        let w = radiance.len() / n;
-        let bands = w.div_ceil(BAND);
-        let scale: Vec<f32> = radiance.chunks(n).map(unit_of).collect();
-        let clusters = self.of_clusters(&interleave(radiance, &scale, n), bands);
-        let mut sums = vec![[0.0f64; BAND]; n * bands];
-        sums.par_chunks_mut(ROWS * bands).enumerate().for_each(|(task, sums)| {
-            for (at, sums) in sums.chunks_mut(bands).enumerate() {
-                let i = task * ROWS + at;
-                if !wanted(i) {
-                    continue;
-                }
-                for (c, q) in self.row(i) {
-                    for (sum, light) in sums.iter_mut().zip(&clusters[c * bands..(c + 1) * bands]) {
-                        (0..BAND).for_each(|k| sum[k] += f64::from(q * light[k]));
+        sweep(radiance, n, &wanted, |by_point, bands| {
+            let clusters = self.of_clusters(by_point, bands);
+            let mut sums = vec![[0.0f64; BAND]; n * bands];
+            sums.par_chunks_mut(ROWS * bands).enumerate().for_each(|(task, sums)| {
+                for (at, sums) in sums.chunks_mut(bands).enumerate() {
+                    let i = task * ROWS + at;
+                    if !wanted(i) {
+                        continue;
+                    }
+                    for (c, q) in self.row(i) {
+                        for (sum, light) in sums.iter_mut().zip(&clusters[c * bands..(c + 1) * bands]) {
+                            (0..BAND).for_each(|k| sum[k] += f64::from(q * light[k]));
+                        }
                     }
                 }
-            }
-        });
-        let mut irradiance = vec![0.0; n * w];
-        for (k, (irradiance, scale)) in irradiance.chunks_mut(n).zip(&scale).enumerate() {
-            for (i, e) in irradiance.iter_mut().enumerate() {
-                *e = (sums[i * bands + k / BAND][k % BAND] * f64::from(*scale)) as f32;
-            }
-        }
-        irradiance
+            });
+            sums
+        })
     }
 
     /// Mean radiance of all clusters by area, `[clusters][bands]`, from that of the points, `[N][bands]`.

@@ -2,18 +2,20 @@
 
 use super::lights::PointLighting;
 use super::linked::LinkedOperator;
-use super::rooms::{linked_rooms, weights};
+use super::response::Response;
+use super::rooms::{joined, linked_rooms, weights};
 use super::settings::{FirstPassSettings, Solver};
 use super::specular::SpecularSet;
 use super::stats::{self, FirstPassStats, FluxBalance, Range, over_area};
 use super::system::{MARGIN, unfinished};
-use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, gmres, refuse_endless};
+use super::{
+    DiffuseSolution, Parts, STEPS, check_appearance, descent, gmres, refuse_endless, specular_points,
+};
 use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use crate::visibility::Links;
-use std::f32::consts::FRAC_1_PI;
 use std::f64::consts::PI;
 use std::time::Instant;
 
@@ -32,11 +34,11 @@ pub struct LinkedRelighter<'a> {
     runs: usize,
 }
 
-/// What an appearance brings, `[W][N]` each.
+/// What an appearance brings; planes are `[W][N]`.
 struct Light {
     emission: Vec<f32>,
-    reflectance: Vec<f32>,
-    /// Irradiance by point lights; empty without.
+    response: Response,
+    /// Irradiance by lights without a body and the sky; empty without.
     lights: Vec<f32>,
     /// Irradiance by the sky alone; empty without.
     sky: Vec<f32>,
@@ -44,6 +46,17 @@ struct Light {
     emitted: Vec<f64>,
     /// Flux of lights without a body alone.
     of_lights: Vec<f64>,
+}
+
+/// Refuses a scene with so many specular points if it has any: links carry no specular light.
+fn refuse_specular(points: usize) -> Result<()> {
+    if points == 0 {
+        return Ok(());
+    }
+    Err(Error::Settings(format!(
+        "links carry diffuse light only, but {points} sample points are specular: compute without links, over all pairs \
+         of points"
+    )))
 }
 
 impl<'a> LinkedRelighter<'a> {
@@ -100,13 +113,7 @@ impl<'a> LinkedRelighter<'a> {
     ) -> Result<DiffuseSolution> {
         let (points, settings) = (self.points, &self.settings);
         check_appearance(self.geometry, self.links.knows_lights(self.geometry), appearance)?;
-        let specular = points.surface.iter().filter(|&&s| appearance.of(s).is_specular()).count();
-        if specular > 0 {
-            return Err(Error::Settings(format!(
-                "links carry diffuse light only, but {specular} sample points are specular: compute without links, \
-                 over all pairs of points"
-            )));
-        }
+        refuse_specular(specular_points(points, appearance))?;
         let clock = Instant::now();
         let light = self.sources(appearance);
         let (n, w) = (points.len(), appearance.wavelengths.len());
@@ -121,7 +128,7 @@ impl<'a> LinkedRelighter<'a> {
         let mut irradiance = self.diffuse.irradiance(&solved, |_| true);
         irradiance.iter_mut().zip(&light.lights).for_each(|(e, more)| *e += more);
         let mut radiance = light.emission.clone();
-        radiance.iter_mut().zip(reflected(&light.reflectance, &irradiance)).for_each(|(l, r)| *l += r);
+        radiance.iter_mut().zip(light.response.leaving(&irradiance)).for_each(|(l, r)| *l += r);
         let difference: Vec<f32> = radiance.iter().zip(&solved).map(|(a, b)| a - b).collect();
         refuse_endless(&mut radiance, &light.emitted, |l| flux(points, l, w), settings)?;
         let solve_s = clock.elapsed().as_secs_f64();
@@ -152,8 +159,7 @@ impl<'a> LinkedRelighter<'a> {
             direct.iter_mut().zip(&light.sky).for_each(|(e, sky)| *e -= sky);
             let mut sky = light.sky.clone();
             sky.resize(n * w, 0.0);
-            let sky: Vec<f32> = reflected(&light.reflectance, &sky).collect();
-            let direct: Vec<f32> = reflected(&light.reflectance, &direct).collect();
+            let (sky, direct) = (light.response.leaving(&sky), light.response.leaving(&direct));
             Parts { emission: by_point(&light.emission), direct: by_point(&direct), specular: by_point(&sky) }
         });
         let (wavelengths, radiance) = (appearance.wavelengths.clone(), by_point(&radiance));
@@ -165,18 +171,15 @@ impl<'a> LinkedRelighter<'a> {
         let (n, w) = (points.len(), appearance.wavelengths.len());
         let mut light = Light {
             emission: vec![0.0; n * w],
-            reflectance: vec![0.0; n * w],
+            response: Response::new(points, appearance),
             lights: Vec::new(),
             sky: Vec::new(),
             emitted: Vec::new(),
             of_lights: vec![0.0; w],
         };
         for i in 0..n {
-            let material = appearance.of(points.surface[i]);
-            for k in 0..w {
-                light.emission[k * n + i] = material.emission[k];
-                light.reflectance[k * n + i] = material.diffuse[k];
-            }
+            let emitted = &appearance.of(points.surface[i]).emission;
+            emitted.iter().enumerate().for_each(|(k, l)| light.emission[k * n + i] = *l);
         }
         // Nothing is specular here.
         let set = SpecularSet { wavelengths: w, ..Default::default() };
@@ -192,20 +195,20 @@ impl<'a> LinkedRelighter<'a> {
     /// The radiance of all points and how many sweeps it took.
     fn solve(&self, light: &Light, mut progress: impl FnMut(f64)) -> Result<(Vec<f32>, f64)> {
         let (points, settings) = (self.points, &self.settings);
-        let (n, w) = (points.len(), light.emitted.len());
+        let w = light.emitted.len();
         let mut sources = light.emission.clone();
-        sources.iter_mut().zip(reflected(&light.reflectance, &light.lights)).for_each(|(l, r)| *l += r);
+        sources.iter_mut().zip(light.response.leaving(&light.lights)).for_each(|(l, r)| *l += r);
         let goals: Vec<f64> = light.emitted.iter().map(|f| MARGIN * settings.tolerance * f / PI).collect();
-        let reflects: Vec<bool> =
-            (0..n).map(|i| (0..w).any(|k| light.reflectance[k * n + i] > 0.0)).collect();
-        let weights = weights(points, &self.room, &sources);
+        let passes = |i: usize| (0..w).any(|k| light.response.passed(k, i).is_some());
+        let room = joined(&self.room, points, passes);
+        let weights = weights(points, &room, &sources);
         let measure = (&points.area[..], &weights[..]);
         let mut sweeps = 0.0;
         let outcome = gmres::solve(&sources, measure, &goals, settings.max_sweeps as usize, |v, excess| {
             sweeps += 1.0;
             progress(excess);
-            let irradiance = self.diffuse.irradiance(v, |i| reflects[i]);
-            let back = reflected(&light.reflectance, &irradiance);
+            let irradiance = self.diffuse.irradiance(v, |i| light.response.active[i]);
+            let back = light.response.leaving(&irradiance);
             Ok((v.to_vec(), v.iter().zip(back).map(|(v, b)| v - b).collect()))
         })?;
         if outcome.left.iter().zip(&goals).any(|(left, goal)| left > goal || !left.is_finite()) {
@@ -221,7 +224,7 @@ impl<'a> LinkedRelighter<'a> {
         let mut balance = FluxBalance::default();
         for (k, &emitted) in light.emitted.iter().enumerate() {
             let at = |plane: &[f32], i: usize| plane.get(k * n + i).map_or(0.0, |&x| f64::from(x));
-            let absorbed = over_area(points, |i| at(irradiance, i) * (1.0 - at(&light.reflectance, i)));
+            let absorbed = over_area(points, |i| at(irradiance, i) * (1.0 - light.response.turned(k, i)));
             let escaped = PI
                 * over_area(points, |i| at(radiance, i) * (1.0 - f64::from(self.diffuse.row_sums()[i])))
                 + light.of_lights[k]
@@ -234,11 +237,6 @@ impl<'a> LinkedRelighter<'a> {
         }
         balance
     }
-}
-
-/// ρ/π E.
-fn reflected<'v>(reflectance: &'v [f32], irradiance: &'v [f32]) -> impl Iterator<Item = f32> + 'v {
-    irradiance.iter().zip(reflectance).map(|(e, rho)| e * rho * FRAC_1_PI)
 }
 
 /// π Σ A |x| of each of `w` wavelengths.

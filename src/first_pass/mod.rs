@@ -17,6 +17,7 @@ pub mod flow;
 pub mod form_factor;
 mod gmres;
 pub mod ideal;
+mod iterative;
 mod known;
 mod layout;
 pub mod lights;
@@ -34,6 +35,7 @@ mod pair_kernel;
 mod recalled;
 pub mod reference;
 mod relighter;
+mod response;
 mod rooms;
 pub(crate) mod round;
 pub mod rows;
@@ -52,15 +54,17 @@ pub mod visibility_calls;
 pub use evenly::{Evenly, specular_points};
 pub use linked_solve::LinkedRelighter;
 pub use relighter::Relighter;
+pub use response::Response;
 pub use settings::{ChainLimits, FirstPassSettings, Kernel, Solver};
 pub use stats::{FirstPassStats, FluxBalance, Range};
 
 use crate::error::{Error, Result};
+use crate::geometry::SurfaceId;
 use crate::material::{FresnelTable, SampledMaterial, Transmission};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance, SampledSky};
-use crate::spectrum::Wavelengths;
+use crate::spectrum::{LUMENS_PER_WATT, Wavelengths};
 use crate::visibility::VisibilityGraph;
 
 /// Steps of the solution as progress is told.
@@ -92,6 +96,23 @@ pub struct Parts {
 }
 
 impl DiffuseSolution {
+    /// Luminance of what is interpolated between `points`, cd m⁻²: of reflected light, and where the parts were kept
+    /// apart, of that without what comes straight from lamps.
+    pub fn interpolated_luminance(&self, appearance: &SampledAppearance, points: &SamplePoints) -> Vec<f64> {
+        let w = self.wavelengths.len();
+        let of = |(i, &surface): (usize, &SurfaceId)| {
+            let emission = &appearance.of(surface).emission;
+            let direct = self.parts.as_ref().map(|parts| &parts.direct[i * w..][..w]);
+            let weights = self.wavelengths.xyz_weights.iter().enumerate();
+            let sum = weights.map(|(k, xyz)| {
+                let direct = direct.map_or(0.0, |direct| direct[k]);
+                xyz[1] * f64::from(self.radiance[i * w + k] - emission[k] - direct)
+            });
+            LUMENS_PER_WATT * sum.sum::<f64>()
+        };
+        points.surface.iter().enumerate().map(of).collect()
+    }
+
     /// L^d of point `i`, `[W]`.
     pub fn of(&self, i: usize) -> &[f32] {
         let w = self.wavelengths.len();
@@ -195,6 +216,9 @@ fn check_material(material: &SampledMaterial, w: usize) -> Result<()> {
                 )));
             }
         }
+    }
+    if let Some(spread) = &material.spread {
+        sampled.extend([&spread.inwards, &spread.outwards, &spread.inside].map(|share| (share, 1.0)));
     }
     // Interpolated tables may stand a rounding above 1.
     let sane = |v: &[f32], most: f32| v.iter().all(|&x| (0.0..=most).contains(&x));

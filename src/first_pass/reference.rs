@@ -67,7 +67,8 @@ pub fn evaluate(
             }
             let factor = f64::from(system.diffuse.factor(i, j));
             for k in 0..w {
-                evaluation.eff[(j * n + i) * w + k] += factor / PI * f64::from(system.reflectance[k * n + i]);
+                evaluation.eff[(j * n + i) * w + k] +=
+                    factor / PI * f64::from(system.response.reflectance[k * n + i]);
             }
             if lg_max > 0
                 && let Ok(s) = set.points.binary_search_by_key(&(i as u32), |p| p.point)
@@ -163,7 +164,7 @@ impl Evaluation<'_> {
                 (0..w).map(|c| arriving[c] * f64::from(scale * share(c) + spread(c))).collect();
             for (c, carried) in carried.iter().enumerate() {
                 let reaches = f64::from(out.q_out[k]) * f64::from(self.set.through(out, k, c));
-                let rho = f64::from(self.system.reflectance[c * n + member as usize]);
+                let rho = f64::from(self.system.response.reflectance[c * n + member as usize]);
                 self.eff[(j * n + member as usize) * w + c] += carried * reaches * rho / PI;
             }
             if lg < self.lg_max

@@ -27,7 +27,7 @@ pub struct Relighter<'a> {
     /// [`stats::reciprocity_error`].
     reciprocity: (f64, f64),
     kept: Kept,
-    /// Solutions of earlier appearances.
+    /// Of earlier appearances.
     recalled: Recalled,
     /// Time spent on what is kept and not yet reported, s.
     pending_s: f64,
@@ -94,7 +94,7 @@ impl<'a> Relighter<'a> {
         let mut recalled = std::mem::take(&mut self.recalled).serving(appearance);
         observer.begin("first pass", STEPS);
         let solved = match settings.solver {
-            Solver::Iterative => system.solve_iteratively(settings, &recalled, descent(observer)),
+            Solver::Iterative => system.solve_iteratively(settings, &mut recalled, descent(observer)),
             Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
         };
         observer.end();
@@ -102,11 +102,6 @@ impl<'a> Relighter<'a> {
 
         // One more sweep gives the true residual and a solution that is no worse.
         let mut irradiance = self.diffuse.irradiance(&solved.radiance, |_| true);
-        if settings.recall && settings.solver == Solver::Iterative {
-            let mut known = irradiance.clone();
-            known.iter_mut().zip(&solved.chains.irradiance).for_each(|(e, more)| *e += more);
-            recalled.add(solved.radiance.clone(), known, solved.chains.clone());
-        }
         self.recalled = recalled;
         for more in [&solved.flow.irradiance, &system.lights.irradiance] {
             irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
@@ -150,7 +145,8 @@ impl<'a> Relighter<'a> {
                 points,
                 diffuse,
                 &system.specular,
-                [&system.emission, &system.reflectance, &solved.radiance, &irradiance],
+                &system.response,
+                [&system.emission, &solved.radiance, &irradiance],
                 &solved.flow,
                 &system.lights,
             ),

@@ -4,6 +4,7 @@
 
 use super::form_factor::plane_distances;
 use crate::points::{NO_POINT, SamplePoints};
+use crate::sets::Sets;
 use crate::visibility::{Edge, Links, VisibilityGraph};
 
 /// Weaker than this beside the strongest, a room is as good as dark to `f32`.
@@ -87,37 +88,34 @@ fn rooms(
 pub fn linked_rooms(links: &Links) -> Vec<u32> {
     let hierarchy = &links.hierarchy;
     let n = hierarchy.order.len();
-    // By point: another one of the same room, itself where there is none before it.
-    let mut leader: Vec<u32> = (0..n as u32).collect();
-    let find = |leader: &mut Vec<u32>, mut i: u32| {
-        while leader[i as usize] != i {
-            let next = leader[leader[i as usize] as usize];
-            leader[i as usize] = next;
-            i = next;
-        }
-        i
-    };
+    let mut rooms = Sets::new(n);
     let mut joined = vec![false; hierarchy.clusters.len()];
     for i in 0..n {
         for (c, _) in links.row(i) {
             let of = hierarchy.points(c);
             // The points of a cluster need to be joined with each other once.
             let of = if std::mem::replace(&mut joined[c], true) { &of[..1] } else { of };
-            for &j in of {
-                let (a, b) = (find(&mut leader, i as u32), find(&mut leader, j));
-                leader[a.max(b) as usize] = a.min(b);
-            }
+            of.iter().for_each(|&j| rooms.join(i as u32, j));
         }
     }
     let mut room: Vec<u32> = Vec::with_capacity(n);
     let mut count = 0;
     for i in 0..n as u32 {
-        let first = find(&mut leader, i);
+        let first = rooms.of(i);
         // The first point of a room leads it.
         room.push(if first == i { count } else { room[first as usize] });
         count += u32::from(first == i);
     }
     room
+}
+
+/// Makes one room of those on both sides of every point where light `passes` the surface.
+pub fn joined(room: &[u32], points: &SamplePoints, passes: impl Fn(usize) -> bool) -> Vec<u32> {
+    let mut rooms = Sets::new(room.iter().max().map_or(0, |&last| last as usize + 1));
+    for i in (0..room.len()).filter(|&i| points.twin[i] != NO_POINT && passes(i)) {
+        rooms.join(room[i], room[points.twin[i] as usize]);
+    }
+    room.iter().map(|&r| rooms.of(r)).collect()
 }
 
 /// Weights of the points in the norm of a residual: their areas over the square of how strong their

@@ -58,6 +58,7 @@ pub fn of_whole(position: Vec3, normal: Vec3, round: &Round, side: Side) -> Opti
                 _ => None,
             }
         }
+        Round::Patch(_) => None,
         Round::Cone(cone) => (!round.looks_out(side)).then(|| of_hollow(o, n, cone)).flatten(),
     }
 }

@@ -1,6 +1,5 @@
 //! Progressive shooting (section 3.3.2; Cohen et al. 1988): the point with most unshot power first.
 
-use super::flow::ChainFlow;
 use super::near::Corrections;
 use super::settings::FirstPassSettings;
 use super::system::{Solved, System, unfinished};
@@ -59,7 +58,7 @@ pub fn solve(system: &System, settings: &FirstPassSettings, mut progress: impl F
         }
     }
     let sweeps = shots as f64 / n.max(1) as f64;
-    Ok(Solved { radiance: state.radiance, flow, chains: ChainFlow::default(), sweeps, rounds })
+    Ok(Solved { radiance: state.radiance, flow, sweeps, rounds })
 }
 
 /// The error of a system that gains energy.
@@ -116,9 +115,15 @@ impl Shooting<'_> {
         let system = self.system;
         let mut receive = |i: usize, q: f32| {
             for (k, &l) in sent.iter().enumerate() {
-                let more = system.reflectance[k * n + i] * std::f32::consts::FRAC_1_PI * q * l;
-                self.radiance[k * n + i] += more;
-                self.unshot[k * n + i] += more;
+                let mut send = |i: usize, share: f32| {
+                    let more = share * std::f32::consts::FRAC_1_PI * q * l;
+                    self.radiance[k * n + i] += more;
+                    self.unshot[k * n + i] += more;
+                };
+                send(i, system.response.reflectance[k * n + i]);
+                if let Some((twin, share)) = system.response.passed(k, i) {
+                    send(twin, share);
+                }
             }
         };
         system.diffuse.column(j, &mut receive);

@@ -3,6 +3,7 @@
 use super::diffuse::DiffuseOperator;
 use super::flow::ChainFlow;
 use super::lights::PointLighting;
+use super::response::Response;
 use super::specular::SpecularSet;
 use crate::points::SamplePoints;
 use rayon::prelude::*;
@@ -151,13 +152,13 @@ pub fn over_area(points: &SamplePoints, value: impl Fn(usize) -> f64) -> f64 {
     points.area.iter().enumerate().map(|(i, &a)| f64::from(a) * value(i)).sum()
 }
 
-/// Follows the flux through a solution. `emission`, `reflectance` (ρ), `radiance` and `irradiance` of
-/// all points are `[W][N]`; the irradiance includes that of `lights` and of the chains, which are `flow`.
+/// Follows the flux through a solution. `emission`, `radiance` and `irradiance` of all points are `[W][N]`; the irradiance includes that of `lights` and of the chains, which are `flow`.
 pub fn balance(
     points: &SamplePoints,
     diffuse: &DiffuseOperator,
     specular: &SpecularSet,
-    [emission, reflectance, radiance, irradiance]: [&[f32]; 4],
+    response: &Response,
+    [emission, radiance, irradiance]: [&[f32]; 3],
     flow: &ChainFlow,
     lights: &PointLighting,
 ) -> FluxBalance {
@@ -174,7 +175,7 @@ pub fn balance(
         // A specular point turns ρ E back diffusely; what else it got is in the chains' account.
         let kept = over_area(points, |i| {
             let falls = if is_specular[i] { 0.0 } else { at(irradiance, k, i) };
-            falls - at(reflectance, k, i) * at(irradiance, k, i)
+            falls - response.turned(k, i) * at(irradiance, k, i)
         });
         let openings =
             PI * over_area(points, |i| at(radiance, k, i) * (1.0 - f64::from(diffuse.row_sums()[i])));

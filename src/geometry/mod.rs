@@ -7,8 +7,8 @@ mod surface;
 
 pub use aabb::Aabb;
 pub use convexity::{CONVEXITY_TOLERANCE, QuadKind, classify_quad, is_triangle};
-pub(crate) use round::Profile;
-pub use round::{Cone, Disc, Round, Sphere};
+pub use round::{Cone, Disc, Patch, Round, Sphere};
+pub(crate) use round::{Profile, net, turns_one_way};
 pub use surface::{PLANARITY_TOLERANCE, Plane, Shape, Surface};
 
 use glam::DVec3;

@@ -1,6 +1,6 @@
 //! Surfaces: the convex quadrilaterals of the paper, triangles, and what is no polygon.
 
-use super::{Aabb, Cone, Disc, Round, Sphere};
+use super::{Aabb, Cone, Disc, Patch, Round, Sphere};
 use glam::{DVec2, DVec3};
 
 /// A quadrilateral further out of plane than this fraction of its longest diagonal is treated as
@@ -70,6 +70,12 @@ impl From<Disc> for Shape {
 impl From<Sphere> for Shape {
     fn from(sphere: Sphere) -> Shape {
         Shape::Round(sphere.into())
+    }
+}
+
+impl From<Patch> for Shape {
+    fn from(patch: Patch) -> Shape {
+        Shape::Round(patch.into())
     }
 }
 

@@ -8,7 +8,7 @@ mod sampled;
 mod table;
 
 pub use albedo::{AlbedoTable, directional_albedo};
-pub use sampled::{SampledMaterial, Transmission};
+pub use sampled::{SampledMaterial, Spread, Transmission};
 pub use table::{DEFAULT_ENTRIES, FresnelTable, PAPER_ENTRIES, TableError, table_error};
 
 use crate::spectrum::Spectrum;

@@ -26,14 +26,33 @@ pub struct SampledMaterial {
     pub reflect: FresnelTable,
     /// What goes through, for glass.
     pub transmission: Option<Transmission>,
+    /// Glass taken as a surface that sends on evenly what passes it, in place of what goes through; `diffuse` is then what
+    /// it reflects in front.
+    pub spread: Option<Spread>,
     /// Emitted radiance L^E, W m⁻² sr⁻¹ nm⁻¹, `[W]`.
     pub emission: Vec<f32>,
+}
+
+/// Shares of the light that falls on glass whose light is spread evenly, `[W]` each.
+#[derive(Clone, Debug)]
+pub struct Spread {
+    /// What passes from the front to the back.
+    pub inwards: Vec<f32>,
+    /// What passes from the back to the front.
+    pub outwards: Vec<f32>,
+    /// What the back reflects.
+    pub inside: Vec<f32>,
 }
 
 impl SampledMaterial {
     /// Whether points of this material carry directional radiance.
     pub fn is_specular(&self) -> bool {
         self.s > 0.0
+    }
+
+    /// Whether light goes through, on its way or spread.
+    pub fn lets_through(&self) -> bool {
+        self.transmission.is_some() || self.spread.is_some()
     }
 }
 
@@ -103,7 +122,7 @@ impl Material {
                 (vec![0.0; count], 1.0, 0.0, reflect, Some(Transmission::Solid { n, inside, absorption }))
             }
         };
-        SampledMaterial { diffuse, s, m, reflect, transmission, emission }
+        SampledMaterial { diffuse, s, m, reflect, transmission, spread: None, emission }
     }
 }
 

@@ -22,33 +22,40 @@ pub struct ExrOptions {
     pub spectral: bool,
 }
 
+/// Channel of the standard error of luminance.
+pub const NOISE: &str = "noise.Y";
+
+/// Channel of the number of samples.
+pub const SAMPLES: &str = "samples";
+
 /// Writes `image` to `path`, 32-bit float, without loss (ZIP).
 ///
 /// R, G, B have the primaries of Rec. 709 and white D65 and are absolute: (1, 1, 1) is 1 cd m⁻²,
 /// as the attribute `whiteLuminance` says. Nothing is clamped. The same image gives the same
 /// bytes. Errors: [`Error::Io`] with the path, the reason and what to do.
 pub fn write(path: &Path, image: &SpectralImage, options: &ExrOptions) -> Result<()> {
-    atomic_file::write(path, &encode(path, image, options, None)?)
+    atomic_file::write(path, &encode(path, image, options, &[])?)
 }
 
-/// [`write()`] with the standard error of each pixel's luminance as channel `noise.Y`, cd m⁻².
+/// [`write()`] with more channels, a number for each pixel: the standard error of its luminance, cd m⁻², is [`NOISE`],
+/// its number of samples [`SAMPLES`]. Those that do not fit the image are left out.
 ///
 /// # Errors
 /// As [`write()`].
-pub fn write_with_noise(
+pub fn write_with(
     path: &Path,
     image: &SpectralImage,
     options: &ExrOptions,
-    noise: &[f32],
+    more: &[(&str, &[f32])],
 ) -> Result<()> {
-    atomic_file::write(path, &encode(path, image, options, Some(noise))?)
+    atomic_file::write(path, &encode(path, image, options, more)?)
 }
 
 fn encode(
     path: &Path,
     image: &SpectralImage,
     options: &ExrOptions,
-    noise: Option<&[f32]>,
+    more: &[(&str, &[f32])],
 ) -> Result<Vec<u8>> {
     let pixels = image.pixels();
     if pixels == 0 || pixels as u64 != u64::from(image.width) * u64::from(image.height) {
@@ -65,8 +72,8 @@ fn encode(
             channels.push(channel(name, (0..pixels).map(|p| image.xyz(p)[c] as f32).collect()));
         }
     }
-    if let Some(noise) = noise.filter(|noise| noise.len() == pixels) {
-        channels.push(channel("noise.Y", noise.to_vec()));
+    for (name, numbers) in more.iter().filter(|(_, numbers)| numbers.len() == pixels) {
+        channels.push(channel(name, numbers.to_vec()));
     }
     let w = image.wavelengths.len();
     if options.spectral {
@@ -140,7 +147,7 @@ pub fn read(path: &Path) -> Result<LinearImage> {
     Ok(read_with_noise(path)?.0)
 }
 
-/// [`read`], and the channel that [`write_with_noise`] adds, where the file has it.
+/// [`read`], and the channel [`NOISE`], where the file has it.
 ///
 /// # Errors
 /// As [`read`].
@@ -165,7 +172,7 @@ pub fn read_with_noise(path: &Path) -> Result<(LinearImage, Option<Vec<f32>>)> {
         return Err(Error::io(path, "the image is too large"));
     };
     let rgb = r.into_iter().zip(g).zip(b).flat_map(|((r, g), b)| [r, g, b]).collect();
-    let noise = find("noise.Y").filter(|noise| noise.len() == layer.size.area());
+    let noise = find(NOISE).filter(|noise| noise.len() == layer.size.area());
     Ok((LinearImage { width, height, rgb }, noise))
 }
 

@@ -1,6 +1,7 @@
 //! Sample points (section 3.1.2): every surface is divided in four, recursively, and a point with
 //! the area of its element stands at the centre of each.
 
+mod by_light;
 mod cell;
 pub mod facing;
 mod hierarchy;
@@ -9,6 +10,7 @@ mod piece;
 mod refine;
 mod subdivide;
 
+pub use by_light::{LightRefinement, LightRefiner};
 pub use cell::Cell;
 pub use hierarchy::{Cluster, Hierarchy};
 pub use neighbours::MAX_EXTRA_LEVELS;

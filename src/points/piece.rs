@@ -29,7 +29,8 @@ impl<'a> Piece<'a> {
 
     /// Area, m².
     pub fn area(&self) -> f64 {
-        self.round.area() * 0.25f64.powi(i32::from(self.cell.level))
+        let (low, size) = self.cell.square();
+        self.round.cell_area(low, size)
     }
 
     /// The place at `(s, t)` of the unit square over the piece, m.
@@ -45,8 +46,25 @@ impl<'a> Piece<'a> {
         if self.side == Side::Front { normal } else { -normal }
     }
 
+    /// Unit normal of the side at `(s, t)` of the unit square over the piece.
+    fn normal_of(&self, s: f64, t: f64) -> DVec3 {
+        let (low, size) = self.cell.square();
+        let normal = self.round.normal_of(low + size * DVec2::new(s, t));
+        if self.side == Side::Front { normal } else { -normal }
+    }
+
     /// No point of the piece is further from its middle, m.
     pub fn reach(&self) -> f64 {
+        if let Round::Patch(patch) = self.round {
+            let (low, size) = self.cell.square();
+            let middle = self.at(0.5, 0.5);
+            return patch
+                .part(low, size)
+                .as_flattened()
+                .iter()
+                .map(|p| p.distance(middle))
+                .fold(0.0, f64::max);
+        }
         if self.cell.level < 2 {
             return 2.0 * self.round.radius();
         }
@@ -61,7 +79,7 @@ impl<'a> Piece<'a> {
         let middle = self.at(0.5, 0.5);
         let way = p - middle;
         let turn = self.turn();
-        self.normal_at(middle).dot(way) + turn * (way.length() + self.reach()) > 0.0
+        self.normal_of(0.5, 0.5).dot(way) + turn * (way.length() + self.reach()) > 0.0
     }
 
     /// The normal is nowhere on the piece further from that of its middle.
@@ -71,6 +89,11 @@ impl<'a> Piece<'a> {
             // By no more than the width over the radius.
             Round::Sphere(sphere) => self.reach() / sphere.radius,
             Round::Cone(_) => PI * self.cell.square().1,
+            Round::Patch(patch) => {
+                let (low, size) = self.cell.square();
+                // From one side of the cone to the other; no normals are further apart than 2.
+                patch.normals(low, size).map_or(2.0, |cone| 2.0 * cone.sine)
+            }
         }
     }
 
@@ -80,10 +103,11 @@ impl<'a> Piece<'a> {
         match self.round {
             Round::Disc(_) => 0.0,
             Round::Sphere(sphere) => self.area() / (sphere.radius * sphere.radius),
-            Round::Cone(_) => {
-                let turn = |a: DVec3, b: DVec3| self.normal_at(a).angle_between(self.normal_at(b)).powi(2);
-                let at = |s: f64, t: f64| self.at(s, t);
-                0.5 * (turn(at(0.0, 0.5), at(1.0, 0.5)) + turn(at(0.5, 0.0), at(0.5, 1.0)))
+            Round::Cone(_) | Round::Patch(_) => {
+                let turn = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
+                    self.normal_of(a, b).angle_between(self.normal_of(c, d)).powi(2)
+                };
+                0.5 * (turn([0.0, 0.5], [1.0, 0.5]) + turn([0.5, 0.0], [0.5, 1.0]))
             }
         }
     }
@@ -105,11 +129,16 @@ impl<'a> Piece<'a> {
         let mut sum = 0.0;
         let mut left = vec![*self];
         while let Some(piece) = left.pop() {
-            let (place, area) = (piece.at(0.5, 0.5), piece.area());
+            let (low, size) = piece.cell.square();
+            let middle = low + 0.5 * size;
+            let place = self.round.point_at(middle.x, middle.y);
+            // The element itself has the area that it stands for.
+            let whole = piece.cell.level == self.cell.level;
+            let area = if whole { self.area() } else { self.round.stretch(middle) * (size * size) };
             if piece.cell.level < last && !fine(place, area) {
                 left.extend(piece.quarters().into_iter().rev());
             } else {
-                sum += value(place, piece.normal_at(place), area);
+                sum += value(place, piece.normal_of(0.5, 0.5), area);
             }
         }
         sum

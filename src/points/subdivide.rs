@@ -32,7 +32,8 @@ pub fn divide_by_area(geometry: &Geometry, sampling: &Sampling) -> Vec<Element> 
 /// Area of an element, m².
 pub fn element_area(geometry: &Geometry, (id, cell): Element) -> f64 {
     if let Some(round) = geometry.surface(id).round() {
-        return round.area() * 0.25f64.powi(i32::from(cell.level));
+        let (low, size) = cell.square();
+        return round.cell_area(low, size);
     }
     let c = cell.corners(geometry.surface(id));
     0.5 * (c[2] - c[0]).cross(c[3] - c[1]).length()

@@ -108,6 +108,7 @@ mod tests {
                 m,
                 reflect: FresnelTable::new(1, 64, |_, cos| 0.4 + 0.6 * (1.0 - cos).powi(5)),
                 transmission: None,
+                spread: None,
                 emission: vec![0.0],
             };
             for degrees in [0.0f64, 50.0, 80.0] {

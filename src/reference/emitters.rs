@@ -104,20 +104,22 @@ impl Emitters {
                 let position = place(geometry, id, u[1], u[2]);
                 let front = geometry.surface(id).normal_at(position);
                 let normal = if side == Side::Front { front } else { -front };
-                let density = self.density(geometry, id, side);
+                let density = self.density(geometry, id, side, position);
                 Source::Surface { id, position, normal, density }
             }
         }
     }
 
-    /// Density of any place on a side of a surface, 1/m².
-    pub fn density(&self, geometry: &Geometry, surface: SurfaceId, side: Side) -> f64 {
-        let area = geometry.surface(surface).area;
+    /// Density of a place on a side of a surface, 1/m².
+    pub fn density(&self, geometry: &Geometry, surface: SurfaceId, side: Side, place: DVec3) -> f64 {
+        let of = geometry.surface(surface);
+        // Drawn evenly over the parameters, which keep no areas on a patch.
+        let area = of.round().map_or(of.area, |round| round.stretch(round.uv_of(place)));
         if area > 0.0 { self.chance[surface.index()][index(side)] / area } else { 0.0 }
     }
 }
 
-/// A place on a surface, uniform over its area.
+/// A place on a surface, uniform over its area, or over the parameters of what is no polygon.
 fn place(geometry: &Geometry, id: SurfaceId, u: f64, v: f64) -> DVec3 {
     let surface = geometry.surface(id);
     match surface.round() {

@@ -1,12 +1,11 @@
 //! What becomes of a path where it meets a surface.
 
+use super::asks::{Asks, power};
 use super::bsdf::Opaque;
-use super::emitters::Source;
 use super::path::{Path, Tracing, Wave, uniform};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::second_pass::{NO_MEDIUM, reflect, refract};
-use crate::tracers::Segment;
 use glam::DVec3;
 
 /// Events before roulette begins.
@@ -69,7 +68,8 @@ impl Tracing<'_> {
         let weight = if met.path.density.is_finite() {
             let cosine = met.n.dot(met.i).max(0.0);
             let distance2 = met.path.start.distance_squared(ray.at(hit.t));
-            let asked = self.emitters.density(self.geometry, met.surface, met.side) * distance2 / cosine;
+            let asked = self.emitters.density(self.geometry, met.surface, met.side, met.position) * distance2
+                / cosine;
             power(met.path.density, asked)
         } else {
             1.0
@@ -94,59 +94,21 @@ impl Tracing<'_> {
     }
 
     /// Asks one emitter for its light.
-    pub fn ask(
-        &self,
-        met: &Meeting,
-        at: &Opaque,
-        throughput: &[f64],
-        room: &mut Room,
-        (segments, targets, light): (&mut Vec<Segment>, &mut Vec<u32>, &mut Vec<f64>),
-        beams: &mut Vec<(usize, DVec3, DVec3)>,
-    ) {
-        let u = uniform(&met.path, 0);
-        let source = self.emitters.draw(self.geometry, [u[0], u[1], u[2]]);
-        let (end, r) = match source {
-            Source::Surface { position, .. } => (position, (position - met.position).normalize_or_zero()),
-            Source::Light { k, .. } => {
-                let way = self.geometry.lights[k].drawn_from(met.position, u[1], u[2]);
-                (way.end, way.direction)
-            }
-        };
-        let cosine = met.n.dot(r);
-        if cosine.is_nan() || cosine <= 0.0 {
+    pub fn ask(&self, met: &Meeting, at: &Opaque, throughput: &[f64], room: &mut Room, asks: &mut Asks) {
+        let Some(ask) = self.draw(met.position, met.n, uniform(&met.path, 0)) else { return };
+        let density = at.eval(ask.direction, &mut room.value, &mut room.fresnel);
+        let factor = ask.factor(density);
+        let first = asks.light.len();
+        for ((value, t), l) in room.value.iter().zip(throughput).zip(ask.emission) {
+            asks.light.push(factor * value * t * f64::from(*l));
+        }
+        let distance = ask.end.distance(met.position);
+        self.absorb(self.solid(met.path.medium), distance, &mut asks.light[first..]);
+        if asks.light[first..].iter().all(|&l| l == 0.0) {
+            asks.light.truncate(first);
             return;
         }
-        let distance = end.distance(met.position);
-        let density = at.eval(r, &mut room.value, &mut room.fresnel);
-        let (emission, factor) = match source {
-            Source::Surface { id, normal, density: of_place, .. } => {
-                let cosine = -normal.dot(r);
-                if cosine <= 0.0 {
-                    return;
-                }
-                let asked = of_place * distance * distance / cosine;
-                (&self.appearance.of(id).emission, power(asked, density) / asked)
-            }
-            Source::Light { k, chance } => {
-                let share = self.geometry.lights[k].seen_from(met.position).share;
-                (&self.appearance.lights[k], share / chance)
-            }
-        };
-        let first = light.len();
-        for ((value, t), l) in room.value.iter().zip(throughput).zip(emission) {
-            light.push(factor * value * t * f64::from(*l));
-        }
-        self.absorb(self.solid(met.path.medium), distance, &mut light[first..]);
-        if light[first..].iter().all(|&l| l == 0.0) {
-            light.truncate(first);
-            return;
-        }
-        let from = met.position + self.offset[met.surface.index()] * met.n;
-        if let Source::Light { .. } = source {
-            beams.push((segments.len(), from, end));
-        }
-        segments.push(Segment { from: from.as_vec3(), to: end.as_vec3() });
-        targets.push(met.path.pixel);
+        asks.push(met.position + self.offset[met.surface.index()] * met.n, &ask, met.path.pixel);
     }
 
     /// Reflection or transmission at glass, chosen by brightness.
@@ -228,11 +190,4 @@ impl Tracing<'_> {
         next.paths.push(Path { start: met.position, depth: path.depth + 1, ..path });
         next.throughput.extend(throughput.iter().map(|t| t / survival));
     }
-}
-
-/// Weight of the first of two ways to find a path, by their densities (power heuristic).
-pub fn power(own: f64, other: f64) -> f64 {
-    let ratio = other / own;
-    // Where the other way is infinitely denser nothing is left.
-    1.0 / (1.0 + ratio * ratio)
 }

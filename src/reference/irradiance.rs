@@ -1,7 +1,7 @@
 //! The judge of sensors: irradiance by paths that begin where a sensor lies.
 
-use super::emitters::{Emitters, Source};
-use super::events::power;
+use super::asks::Asks;
+use super::emitters::Emitters;
 use super::path::{Path, Replicate, Tracing, Wave, mix, seed_of};
 use super::{REPLICATES, ReferenceSettings, check};
 use crate::error::Result;
@@ -10,7 +10,7 @@ use crate::measure::Place;
 use crate::observer::Observer;
 use crate::scene::{Geometry, SampledAppearance, Sensor};
 use crate::second_pass::NO_MEDIUM;
-use crate::tracers::{RayTracer, Segment};
+use crate::tracers::RayTracer;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -86,7 +86,7 @@ fn replicate(tracing: &Tracing, place: &Place, seed: u32, samples: u32) -> Vec<f
     let (a, b) = place.normal.any_orthonormal_pair();
     for first in (0..samples).step_by(BATCH as usize) {
         wave.clear();
-        let mut asked = (Vec::new(), Vec::new());
+        let mut asks = Asks::default();
         for index in first..samples.min(first + BATCH) {
             let [u, v, ..] = sobol_burley::sample_4d(index, 0, seed).map(f64::from);
             let (radius, angle) = (u.sqrt(), TAU * v);
@@ -102,50 +102,20 @@ fn replicate(tracing: &Tracing, place: &Place, seed: u32, samples: u32) -> Vec<f
                 medium: NO_MEDIUM,
                 density: cosine / PI,
             });
-            ask(tracing, place, sobol_burley::sample_4d(index, 0, mix(!seed)).map(f64::from), &mut asked);
+            ask(tracing, place, sobol_burley::sample_4d(index, 0, mix(!seed)).map(f64::from), &mut asks);
         }
         wave.throughput.resize(wave.rays.len() * w, PI);
-        let mut blocked = vec![false; asked.0.len()];
-        tracing.tracer.occluded_batch(&asked.0, &mut blocked);
-        for (light, _) in asked.1.chunks_exact(w).zip(&blocked).filter(|(_, b)| !**b) {
-            sum.radiance.iter_mut().zip(light).for_each(|(sum, l)| *sum += l);
-        }
+        asks.arrive(tracing, &mut sum.radiance);
         sum.follow(tracing, &mut wave, &mut next);
     }
     sum.radiance.iter().map(|e| e / f64::from(samples)).collect()
 }
 
 /// Asks one emitter for its light, weighed against having been met by the ray of a density of cos / π.
-fn ask(tracing: &Tracing, place: &Place, u: [f64; 4], (segments, light): &mut (Vec<Segment>, Vec<f64>)) {
-    if tracing.emitters.is_empty() {
-        return;
-    }
-    let source = tracing.emitters.draw(tracing.geometry, [u[0], u[1], u[2]]);
-    let (end, r) = match source {
-        Source::Surface { position, .. } => (position, (position - place.position).normalize_or_zero()),
-        Source::Light { k, .. } => {
-            let way = tracing.geometry.lights[k].drawn_from(place.position, u[1], u[2]);
-            (way.end, way.direction)
-        }
-    };
-    let height = place.normal.dot(r);
-    if height.is_nan() || height <= 0.0 {
-        return;
-    }
-    let (emission, factor) = match source {
-        Source::Surface { id, normal, density, .. } => {
-            let cosine = -normal.dot(r);
-            if cosine <= 0.0 {
-                return;
-            }
-            let density = density * end.distance_squared(place.position) / cosine;
-            (&tracing.appearance.of(id).emission, power(density, height / PI) * height / density)
-        }
-        Source::Light { k, chance } => {
-            let share = tracing.geometry.lights[k].seen_from(place.position).share;
-            (&tracing.appearance.lights[k], height * share / chance)
-        }
-    };
-    segments.push(place.segment(end.as_vec3()));
-    light.extend(emission.iter().map(|l| factor * f64::from(*l)));
+fn ask(tracing: &Tracing, place: &Place, u: [f64; 4], asks: &mut Asks) {
+    let Some(ask) = tracing.draw(place.position, place.normal, u) else { return };
+    let height = place.normal.dot(ask.direction);
+    let factor = height * ask.factor(height / PI);
+    asks.light.extend(ask.emission.iter().map(|l| factor * f64::from(*l)));
+    asks.push(place.position, &ask, 0);
 }

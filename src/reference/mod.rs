@@ -8,6 +8,7 @@
 //! Paths that leave the scene see the sky. Not found: light of lights without a body by way of mirrors and solid glass, for
 //! nothing can hit a point by chance; what comes straight through panes is.
 
+mod asks;
 mod bsdf;
 mod emitters;
 mod events;

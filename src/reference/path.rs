@@ -1,5 +1,6 @@
 //! Paths of one replicate, traced together: all of some pixels, one event after the other.
 
+use super::asks::Asks;
 use super::bsdf::Opaque;
 use super::emitters::Emitters;
 use super::events::Room;
@@ -8,8 +9,7 @@ use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
 use crate::second_pass::{NO_MEDIUM, inset, ray_offset};
 use crate::spectrum::LUMENS_PER_WATT;
-use crate::tracers::{RayTracer, Segment};
-use crate::visibility::Passages;
+use crate::tracers::RayTracer;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -85,11 +85,7 @@ pub struct Wave {
     pub rays: Vec<Ray>,
     pub paths: Vec<Path>,
     pub throughput: Vec<f64>,
-    pub segments: Vec<Segment>,
-    pub targets: Vec<u32>,
-    pub light: Vec<f64>,
-    /// Segments to lights without a body, their number and both ends: panes may let these through.
-    pub beams: Vec<(usize, DVec3, DVec3)>,
+    pub asks: Asks,
 }
 
 impl Wave {
@@ -140,12 +136,6 @@ impl<'a> Tracing<'a> {
 
     pub fn bright(&self, values: &[f64]) -> f64 {
         values.iter().zip(&self.brightness).map(|(v, b)| v * b).sum()
-    }
-
-    /// What panes let through on the straight way to a light; `None` where anything else is in the way.
-    fn through(&self, from: DVec3, to: DVec3) -> Option<Vec<f32>> {
-        let list = Passages::walk(self.geometry, self.tracer, from, to)?;
-        self.appearance.through(self.geometry, &list, (to - from).normalize())
     }
 
     /// The material of the solid around a path.
@@ -243,11 +233,7 @@ impl Replicate {
         let mut hits: Vec<Option<Hit>> = vec![None; wave.rays.len()];
         tracing.tracer.closest_batch(&wave.rays, &mut hits);
         self.rays += wave.rays.len() as u64;
-        let Wave { segments, targets, light, beams, .. } = wave;
-        beams.clear();
-        segments.clear();
-        targets.clear();
-        light.clear();
+        wave.asks.clear();
         let mut room = Room { value: vec![0.0; w], fresnel: vec![0.0; w], other: vec![0.0; w] };
         let throughputs = wave.throughput.chunks_exact_mut(w);
         for (((ray, path), hit), throughput) in wave.rays.iter().zip(&wave.paths).zip(&hits).zip(throughputs)
@@ -271,8 +257,8 @@ impl Replicate {
                     let n = met.n;
                     let specular = tracing.specular_chance(&met, &mut room);
                     let at = Opaque { material: met.material, i: met.i, n, specular };
-                    if at.scatters() && !tracing.emitters.is_empty() {
-                        tracing.ask(&met, &at, throughput, &mut room, (segments, targets, light), beams);
+                    if at.scatters() {
+                        tracing.ask(&met, &at, throughput, &mut room, &mut wave.asks);
                     }
                     if let Some(drawn) = at.draw(uniform(path, 1), &mut room.value, &mut room.fresnel) {
                         room.value.iter_mut().zip(&*throughput).for_each(|(v, t)| *v *= t);
@@ -282,22 +268,6 @@ impl Replicate {
                 }
             }
         }
-        self.shadow_rays += segments.len() as u64;
-        let mut blocked = vec![false; segments.len()];
-        tracing.tracer.occluded_batch(segments, &mut blocked);
-        for &(k, from, to) in &*beams {
-            if blocked[k]
-                && let Some(through) = tracing.through(from, to)
-            {
-                light[k * w..][..w].iter_mut().zip(through).for_each(|(l, t)| *l *= f64::from(t));
-                blocked[k] = false;
-            }
-        }
-        for ((pixel, light), _) in
-            targets.iter().zip(light.chunks_exact(w)).zip(&blocked).filter(|(_, b)| !**b)
-        {
-            let sum = &mut self.radiance[*pixel as usize * w..][..w];
-            sum.iter_mut().zip(light).for_each(|(sum, l)| *sum += l);
-        }
+        self.shadow_rays += wave.asks.arrive(tracing, &mut self.radiance);
     }
 }

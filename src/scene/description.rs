@@ -186,6 +186,8 @@ pub struct ObjectTable {
     pub cylinders: Vec<Spanned<CylinderTable>>,
     #[serde(default)]
     pub cones: Vec<Spanned<ConeTable>>,
+    #[serde(default)]
+    pub patches: Vec<Spanned<[[[f64; 3]; 4]; 4]>>,
     pub obj: Option<Name>,
     pub gltf: Option<Name>,
     pub scale: Option<Spanned<f64>>,

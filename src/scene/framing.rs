@@ -77,8 +77,9 @@ pub fn camera(geometry: &Geometry, appearance: &Appearance, up: DVec3) -> Camera
         let angle = std::f64::consts::FRAC_PI_4 * k as f64;
         -(angle.cos() * flat.cross(up) + angle.sin() * flat)
     };
-    let outside = (0..16).map(|k| {
-        let rise = if k < 8 { 0.0 } else { 0.5 };
+    let outside = (0..24).map(|k| {
+        // Level, from above, and last from below, where lamps are open.
+        let rise = [0.0, 0.5, -0.5][k / 8];
         let forward = (heading(k % 8) - rise * up).normalize();
         let eye = Eye::new(DVec3::ZERO, forward, up, OUTSIDE_DEG);
         let corners = bounds_corners(middle, size);

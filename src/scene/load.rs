@@ -2,6 +2,7 @@
 
 use super::description::{
     Changes, Document, FORMAT_VERSION, LightChanges, MaterialTable, MoveTable, Name, ObjectTable, SkyTable,
+    SpectrumRef,
 };
 use super::ies::Luminaire;
 use super::import::{self, Kind, Model};
@@ -15,6 +16,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::Spanned;
+
+/// Illuminance by the sky around a model without any light, lx, and the reflectance of the ground beneath.
+const DARK_MODEL_LUX: f64 = 10_000.0;
+const DARK_MODEL_GROUND: f64 = 0.3;
 
 /// Reads and compiles the scene file `path`, or the OBJ or glTF file.
 pub fn load(path: &Path) -> Result<Scene> {
@@ -93,7 +98,36 @@ impl SceneDescription {
             object.get_mut().name = Spanned::new(0..0, stem.to_owned());
         }
         description.read_model(0, kind, path, true)?;
+        description.light_if_dark();
         Ok(description)
+    }
+
+    /// Puts a model without any light under a sky, for all of it would be black.
+    fn light_if_dark(&mut self) {
+        let document = &mut self.document;
+        if !document.lights.is_empty() || document.materials.values().any(|m| m.emission.is_some()) {
+            return;
+        }
+        fn at<T>(value: T) -> Spanned<T> {
+            Spanned::new(0..0, value)
+        }
+        let sky = SkyTable {
+            kind: Some(at(SpectrumRef::Named("overcast".into()))),
+            sun: None,
+            up: Some(at([0.0, 1.0, 0.0])),
+            illuminant: Some(at("D65".into())),
+            spectrum: None,
+            zenith_luminance: None,
+            illuminance: Some(at(DARK_MODEL_LUX)),
+            ground: Some(at(SpectrumRef::Constant(DARK_MODEL_GROUND))),
+        };
+        document.sky = Some(at(sky));
+        for model in self.models.values_mut() {
+            Arc::make_mut(model).note(format_args!(
+                "there is no light: an overcast sky of {DARK_MODEL_LUX} lx and a ground that reflects \
+                 {DARK_MODEL_GROUND} of it stand around"
+            ));
+        }
     }
 
     /// Reads the IES files of the lights, each once.

@@ -8,6 +8,7 @@ mod emission;
 mod framing;
 mod ies;
 mod import;
+mod joined;
 mod light;
 mod lights;
 mod load;

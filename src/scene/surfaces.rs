@@ -3,7 +3,7 @@
 use super::compile::{MAX_COORDINATE, MIN_RADIUS};
 use super::import;
 use super::parts::{FacePlace, Part};
-use super::{Geometry, ObjectId, SceneDescription, written};
+use super::{Geometry, ObjectId, SceneDescription, joined, written};
 use crate::error::Result;
 use crate::geometry::{Aabb, QuadKind, Round, Shape, Surface, classify_quad, is_triangle};
 use glam::DVec3;
@@ -50,7 +50,8 @@ pub fn shape(
     let mut shapes = Vec::with_capacity(faces.len());
     let mut places = Vec::with_capacity(faces.len());
     let mut mended = vec![Mended::default(); parts.len()];
-    for face in &faces {
+    let joined = joined::first_of_each(faces.iter().map(|face| (&face.shape, face.part)));
+    for (face, &first) in faces.iter().zip(&joined) {
         let from_model = matches!(face.place, FacePlace::Model(..));
         let pieces = match pieces(&face.shape, stored) {
             Ok(pieces) => {
@@ -69,13 +70,13 @@ pub fn shape(
         };
         let two_sided = both_sides(&parts[face.part]);
         for shape in pieces {
-            shapes.push((shape, two_sided, face.patch, ObjectId(face.part as u32)));
+            shapes.push((shape, two_sided, faces[first as usize].patch, ObjectId(face.part as u32)));
             places.push(face.place);
         }
     }
     if shapes.is_empty() {
-        let message = "there is no surface; add [[objects]] with quads, triangles, discs, spheres, cylinders, cones, or \
-                       an obj or gltf file";
+        let message = "there is no surface; add [[objects]] with quads, triangles, discs, spheres, cylinders, cones, \
+                       patches, or an obj or gltf file";
         return Err(description.sources.error(0, message));
     }
     let mut geometry = Geometry::new(shapes, parts.iter().map(|p| p.name.clone()).collect());
@@ -128,7 +129,13 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
             let worn = model.parts[face.part as usize].material.as_deref();
             table.leave_out.iter().any(|name| worn == Some(name.get_ref().as_str()))
         };
-        for face in model.faces.iter().filter(|face| !left_out(face)) {
+        let kept = || model.faces.iter().filter(|face| !left_out(face));
+        let count = faces.len() + kept().count();
+        if count > MAX_SURFACES {
+            let message = format!("there are {count} surfaces, more than {MAX_SURFACES}; leave some out");
+            return Err(description.sources.error(0, message));
+        }
+        for face in kept() {
             let [a, b, c, d] = face.corners.map(|v| scale * model.vertices[v as usize] + translate);
             let shape = if face.count == 4 { Shape::Quad([a, b, c, d]) } else { Shape::Triangle([a, b, c]) };
             let (part, patch) = (first + face.part as usize, patches + face.patch);
@@ -143,10 +150,6 @@ fn faces(description: &SceneDescription, parts: &[Part]) -> Result<Vec<Face>> {
         }
         !part.removed
     });
-    if faces.len() > MAX_SURFACES {
-        let message = format!("there are {} surfaces, more than {MAX_SURFACES}", faces.len());
-        return Err(description.sources.error(0, message));
-    }
     for face in &faces {
         let shape = &face.shape;
         let Aabb { min, max } = shape.round().map_or(Aabb::EMPTY, Round::bounds);
@@ -172,8 +175,8 @@ fn check_object(description: &SceneDescription, i: usize) -> Result<()> {
     let is_model = description.models.contains_key(&i);
     if written::is_drawn(table) == is_model || files > 1 {
         let message = format!(
-            "object \"{}\" needs `quads`, `triangles`, `discs`, `spheres`, `cylinders` or `cones`, or else `obj` or \
-             `gltf`; give one or the other",
+            "object \"{}\" needs `quads`, `triangles`, `discs`, `spheres`, `cylinders`, `cones` or `patches`, or else \
+             `obj` or `gltf`; give one or the other",
             table.name.get_ref()
         );
         return Err(sources.error(object.span().start, message));

@@ -5,7 +5,7 @@ use super::description::{ConeTable, CylinderTable, DiscTable, ObjectTable, Spher
 use super::places::{direction, vector};
 use super::source::Sources;
 use crate::error::Result;
-use crate::geometry::{Cone, Disc, Shape, Sphere};
+use crate::geometry::{Cone, Disc, Patch, Shape, Sphere};
 use glam::DVec3;
 use toml::Spanned;
 
@@ -16,7 +16,8 @@ pub fn is_drawn(table: &ObjectTable) -> bool {
         && table.discs.is_empty()
         && table.spheres.is_empty()
         && table.cylinders.is_empty()
-        && table.cones.is_empty())
+        && table.cones.is_empty()
+        && table.patches.is_empty())
 }
 
 /// Its shapes, in world coordinates, each with its place in the file. Corners are taken as they are.
@@ -39,6 +40,14 @@ pub fn shapes(sources: &Sources, table: &ObjectTable) -> Result<Vec<(Shape, usiz
     }
     for table in &table.cones {
         shapes.push((cone(sources, table.get_ref())?, table.span().start));
+    }
+    for table in &table.patches {
+        let net = table.get_ref().map(|row| row.map(DVec3::from_array));
+        if !net.iter().flatten().all(|p| p.abs().max_element() <= MAX_COORDINATE) {
+            let message = "the control points of a patch have finite coordinates of at most 1e18";
+            return Err(sources.error(table.span().start, message));
+        }
+        shapes.push((Patch::new(net).into(), table.span().start));
     }
     Ok(shapes)
 }

@@ -1,7 +1,7 @@
 //! Finished bands of rows on disk, so that an interrupted render can go on.
 //!
 //! The file begins with a key, a hash of all that the image depends on. Records follow, one a band in any
-//! order: its number, its radiances and counts, and a hash of these. What a crash left half written
+//! order: its number, its counts and floats, and a hash of these. What a crash left half written
 //! fails its hash and is rendered again, and so is all behind it.
 
 use super::settings::SecondPassStats;
@@ -23,8 +23,8 @@ const COUNTS: usize = 9;
 
 /// A band of rows as it was rendered.
 pub(super) struct Band {
-    /// Radiances of its rows, `[rows][width][W]`.
-    pub radiance: Vec<f32>,
+    /// What there is of its rows, `[rows][width][layers]`.
+    pub floats: Vec<f32>,
     /// Its counts.
     pub stats: SecondPassStats,
 }
@@ -54,7 +54,7 @@ impl Checkpoint {
         fs::remove_file(&self.path).map_err(|e| Error::io(&self.path, e))
     }
 
-    /// Bands of an earlier run, and where to add more. `floats(band)` is the number of radiances in a
+    /// Bands of an earlier run, and where to add more. `floats(band)` is the number of floats in a
     /// band, `None` where there is no such band. Errors: [`Error::Settings`] for a file of another image.
     pub(super) fn open(
         &self,
@@ -102,10 +102,10 @@ pub(super) struct Writer {
 
 impl Writer {
     /// Adds a finished band.
-    pub fn add(&self, number: u32, radiance: &[f32], stats: &SecondPassStats) -> Result<()> {
+    pub fn add(&self, number: u32, floats: &[f32], stats: &SecondPassStats) -> Result<()> {
         let mut record = number.to_le_bytes().to_vec();
         record.extend(counts(stats).into_iter().flat_map(u64::to_le_bytes));
-        record.extend(radiance.iter().flat_map(|l| l.to_le_bytes()));
+        record.extend(floats.iter().flat_map(|l| l.to_le_bytes()));
         let hash = blake3::hash(&record);
         record.extend(hash.as_bytes());
         // One write a record, so that a crash can only cut off the last.
@@ -123,13 +123,13 @@ fn read(bytes: &[u8], floats: impl Fn(u32) -> Option<usize>) -> Option<(u32, Ban
     if blake3::hash(&bytes[..end]).as_bytes() != hash {
         return None;
     }
-    let (counts, radiance) = rest[..end - 4].split_at(8 * COUNTS);
+    let (counts, floats) = rest[..end - 4].split_at(8 * COUNTS);
     let mut of = [0; COUNTS];
     for (count, bytes) in of.iter_mut().zip(counts.as_chunks::<8>().0) {
         *count = u64::from_le_bytes(*bytes);
     }
-    let radiance = radiance.as_chunks::<4>().0.iter().map(|l| f32::from_le_bytes(*l)).collect();
-    Some((number, Band { radiance, stats: stats(of) }, end + HASH))
+    let floats = floats.as_chunks::<4>().0.iter().map(|l| f32::from_le_bytes(*l)).collect();
+    Some((number, Band { floats, stats: stats(of) }, end + HASH))
 }
 
 fn counts(stats: &SecondPassStats) -> [u64; COUNTS] {
@@ -157,6 +157,6 @@ fn stats(counts: [u64; COUNTS]) -> SecondPassStats {
         paths_ended: counts[6],
         gather_rays: counts[7],
         shadow_rays: counts[8],
-        second_pass_s: 0.0,
+        ..SecondPassStats::default()
     }
 }

@@ -1,4 +1,4 @@
-//! Rays from the eye through the pixels of a tile, many at a time.
+//! Rays from the eye through pixels, many at a time.
 
 use crate::geometry::Ray;
 use crate::scene::View;
@@ -39,10 +39,8 @@ pub(super) struct Look<'a> {
     pub view: &'a View,
     /// A surface nearer to the eye is the one it stands on, and not seen, m.
     pub near: f64,
-    /// The pixel at the top left of the tile.
-    pub low: [usize; 2],
-    /// Pixels in a row of the tile.
-    pub columns: usize,
+    /// Column and row of each pixel in the image.
+    pub places: &'a [[u32; 2]],
     /// Sobol' seed of each pixel.
     pub seeds: &'a [u32],
     pub first: u32,
@@ -56,23 +54,21 @@ impl HotLoop for Look<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let corner = self.low.map(|x| x as f64);
         let total = self.seeds.len() * self.count as usize;
-        let (mut seeds, mut row) = (self.seeds.iter().enumerate(), 0);
+        let mut pixels = self.seeds.iter().zip(self.places);
         let mut point = self.count;
-        let (mut of, mut column) = ([0; 3], 0);
+        let (mut of, mut corner) = ([0; 3], [0.0; 2]);
         for done in (0..total).step_by(BLOCK) {
             let used = BLOCK.min(total - done);
             let mut block = Block::default();
             for k in 0..used {
                 if point == self.count {
-                    let Some((pixel, &seed)) = seeds.next() else { break };
-                    (point, of) = (0, scramble(seed));
-                    (column, row) = (pixel % self.columns, pixel / self.columns);
+                    let Some((&seed, place)) = pixels.next() else { break };
+                    (point, of, corner) = (0, scramble(seed), place.map(f64::from));
                 }
                 block.index[k] = self.first + point;
                 [block.order[k], block.across[k], block.down[k]] = of;
-                (block.x[k], block.y[k]) = (corner[0] + column as f64, corner[1] + row as f64);
+                [block.x[k], block.y[k]] = corner;
                 point += 1;
             }
             let [x, y, z] = block.directions(self.view);

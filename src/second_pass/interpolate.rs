@@ -139,6 +139,11 @@ impl Interpolator {
         self.stand_ins.iter().map(|s| s.element as usize)
     }
 
+    /// Sample point `i` and those of its surface and side whose elements touch its own.
+    pub fn around(&self, i: usize) -> Vec<u32> {
+        self.lattice.around(i)
+    }
+
     /// How far apart the sample points of a surface are, m.
     pub(super) fn spacing(&self, surface: SurfaceId) -> f64 {
         self.spacing[surface.index()]

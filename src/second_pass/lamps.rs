@@ -201,9 +201,9 @@ impl Lamp {
             }
             Body::Round(round, side) => {
                 let to = round.point_at(u[0], u[1]);
-                let normal = round.normal_at(to);
+                let normal = round.normal_of([u[0], u[1]].into());
                 let normal = if *side == Side::Front { normal } else { -normal };
-                (to, geometric(to - x, normal) * round.area())
+                (to, geometric(to - x, normal) * round.stretch([u[0], u[1]].into()))
             }
         };
         let way = to - x;

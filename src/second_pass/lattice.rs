@@ -242,6 +242,20 @@ impl Builder<'_> {
             _ => Key::Edge(b, a, UNIT - steps),
         };
         match (&self.geometry.surfaces[surface].shape, place) {
+            (Shape::Round(Round::Patch(patch)), _) => {
+                let [low_v, high_u, high_v, low_u] = patch.collapsed();
+                match place {
+                    [_, 0] if low_v => Key::Vertex(v[0]),
+                    [UNIT, _] if high_u => Key::Vertex(v[1]),
+                    [_, UNIT] if high_v => Key::Vertex(v[2]),
+                    [0, _] if low_u => Key::Vertex(v[0]),
+                    [i, 0] => edge(v[0], v[1], i),
+                    [UNIT, j] => edge(v[1], v[2], j),
+                    [i, UNIT] => edge(v[3], v[2], i),
+                    [0, j] => edge(v[0], v[3], j),
+                    _ => Key::Inside(sheet(surface, side) as u32, place),
+                }
+            }
             (Shape::Round(round), _) => Key::Inside(sheet(surface, side) as u32, folded(round, place)),
             (_, [i, 0]) => edge(v[0], v[1], i),
             (Shape::Quad(_), [UNIT, j]) => edge(v[1], v[2], j),
@@ -260,7 +274,7 @@ impl Builder<'_> {
 fn folded(round: &Round, [i, j]: Place) -> Place {
     let ends = |x: u32| x == 0 || x == UNIT;
     match round {
-        Round::Disc(_) => [i, j],
+        Round::Disc(_) | Round::Patch(_) => [i, j],
         Round::Sphere(_) => match (ends(i), ends(j)) {
             (true, true) => [0, 0],
             (true, false) => [i, j.min(UNIT - j)],
@@ -294,7 +308,14 @@ fn number_vertices(geometry: &Geometry) -> Vec<[u32; 4]> {
     let mut vertices = Vec::with_capacity(2 * geometry.surfaces.len());
     let number = |surface: &Surface, patch: u32, side: Side, numbers: &mut HashMap<_, u32>| {
         let mut of = [0; 4];
-        for (number, v) in of.iter_mut().zip(surface.vertices()) {
+        let corners = match surface.round() {
+            Some(Round::Patch(patch)) => {
+                let net = patch.net();
+                vec![net[0][0], net[0][3], net[3][3], net[3][0]]
+            }
+            _ => surface.vertices().to_vec(),
+        };
+        for (number, v) in of.iter_mut().zip(&corners) {
             let next = numbers.len() as u32;
             // Adding zero makes -0 and 0 the same place.
             *number = *numbers.entry((patch, side, (*v + 0.0).to_array().map(f64::to_bits))).or_insert(next);

@@ -1,5 +1,6 @@
 //! The second pass (section 3.4): the view, by distributed ray tracing.
 
+mod bands;
 mod cells;
 mod chart;
 mod checkpoint;
@@ -13,22 +14,26 @@ mod ladder;
 mod lamps;
 mod lattice;
 mod lobe;
+mod noise;
 mod parted;
 mod probe;
 mod render;
 mod scatter;
 mod sequence;
 mod settings;
+mod shading;
 mod shares;
 mod stencil;
 mod take;
+mod tile;
 mod wave;
 
 pub use checkpoint::Checkpoint;
 pub use interpolate::{DiffuseField, Interpolator};
 pub(crate) use lobe::{lobe_weight, reflect, refract, sample_facet};
+pub use noise::{NoiseStats, NoiseTarget, PixelNoise};
 pub(crate) use probe::Probe;
-pub use render::{LitScene, render, render_with_checkpoint};
+pub use render::{LitScene, Rendered, render, render_with_checkpoint};
 pub use settings::{Passes, Rung, SecondPassSettings, SecondPassStats};
 pub(crate) use wave::{NO_MEDIUM, inset, ray_offset};
 

@@ -11,6 +11,7 @@ use crate::tracers::RayTracer;
 
 /// A path that would carry less than a thousandth of a mean ray ends by Russian roulette.
 const SETTINGS: SecondPassSettings = SecondPassSettings {
+    noise: None,
     passes: Passes::Both,
     rung: Rung::Interpolate,
     lamp_samples: 1,

@@ -1,33 +1,28 @@
-//! The view: tiles of pixels, each the work of one task.
+//! The view.
 
 use super::SpectralImage;
-use super::checkpoint::{Checkpoint, Writer};
-use super::eye::Look;
+use super::bands::{self, Bands};
+use super::checkpoint::Checkpoint;
 use super::interpolate::Interpolator;
 use super::ladder::Fields;
-use super::scatter::{Film, Scatterer, brightness};
-use super::sequence::mix;
+use super::noise::{NoiseTarget, PixelNoise, REPLICATES, Tally};
+use super::scatter::{Scatterer, brightness};
 use super::settings::{SecondPassSettings, SecondPassStats};
-use super::wave::{Fresh, Wave};
+use super::tile::{Room, Tiler};
 use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
-use crate::geometry::Hit;
 use crate::observer::Observer;
-use crate::scene::{Camera, Geometry, SampledAppearance, View};
-use crate::simd::wide;
+use crate::scene::{Camera, Geometry, SampledAppearance};
+use crate::spectrum::LUMENS_PER_WATT;
 use crate::tracers::RayTracer;
-use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::time::Instant;
-
-/// Pixels along the edge of a tile.
-const TILE: usize = 16;
-
-/// Pixel samples of a tile that are traced together, at most: enough to feed a tracer with
-/// packets, few enough for their rays, hits and throughputs to stay in a core's own cache.
-const BATCH: usize = 1024;
 
 /// Rounding of the distance from an eye to the surface it stands on, as a fraction of the scene's radius.
 const NEAR: f64 = 1e-12;
+
+/// Stages that sampling to a noise target may take: samples double from each to the next.
+const STAGES: usize = 32;
 
 /// A scene whose diffuse light is known.
 #[derive(Clone, Copy)]
@@ -40,6 +35,17 @@ pub struct LitScene<'a> {
     pub appearance: &'a SampledAppearance,
     /// L^d of its sample points.
     pub solution: &'a DiffuseSolution,
+}
+
+/// What a camera sees.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// Radiance.
+    pub image: SpectralImage,
+    /// What it took.
+    pub stats: SecondPassStats,
+    /// How each pixel was sampled, where [`SecondPassSettings::noise`] asks for a noise.
+    pub noise: Option<PixelNoise>,
 }
 
 /// Renders what `camera` sees by distributed ray tracing (section 3.4).
@@ -58,7 +64,8 @@ pub fn render(
     settings: &SecondPassSettings,
     observer: &dyn Observer,
 ) -> Result<(SpectralImage, SecondPassStats)> {
-    render_with_checkpoint(scene, camera, tracer, settings, None, observer)
+    let rendered = render_with_checkpoint(scene, camera, tracer, settings, None, observer)?;
+    Ok((rendered.image, rendered.stats))
 }
 
 /// [`render`] that keeps finished bands of rows in the file of `checkpoint` and uses those that an
@@ -74,7 +81,7 @@ pub fn render_with_checkpoint(
     settings: &SecondPassSettings,
     checkpoint: Option<&Checkpoint>,
     observer: &dyn Observer,
-) -> Result<(SpectralImage, SecondPassStats)> {
+) -> Result<Rendered> {
     let start = Instant::now();
     settings.check()?;
     camera.check()?;
@@ -87,48 +94,93 @@ pub fn render_with_checkpoint(
     let spacing = |surface| scene.interpolator.spacing(surface);
     let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, spacing, settings);
     let w = scene.solution.wavelengths.len();
-    let [width, height] = camera.resolution.map(|x| x as usize);
+    let size = camera.resolution.map(|x| x as usize);
     let (view, near) = (camera.view(scene.geometry.centre), NEAR * scene.geometry.radius);
-    let job = Job { scatterer, tracer, view, near, width, height, w };
-    let columns = width.div_ceil(TILE);
-    let bands = height.div_ceil(TILE);
-    let floats = |band: u32| {
-        let first = band as usize * TILE;
-        (first < height).then(|| TILE.min(height - first) * width * w)
-    };
-    let (mut kept, writer) = match checkpoint {
+    let tiler = Tiler { scatterer, tracer, view, near, width: size[0], w };
+    let (layers, stages) = if settings.noise.is_some() { (w + REPLICATES, STAGES) } else { (w, 1) };
+    let floats = |number| bands::floats(size, layers, stages, number);
+    let (kept, writer) = match checkpoint {
         Some(checkpoint) => {
             let (kept, writer) = checkpoint.open(&key(scene, &fields, camera, tracer, settings), floats)?;
             (kept, Some(writer))
         }
         None => Default::default(),
     };
-    observer.begin("second pass", (columns * bands) as u64);
-    let mut radiance = vec![0.0f32; width * height * w];
-    let rows: Vec<_> = radiance
-        .chunks_mut(TILE * width * w)
-        .enumerate()
-        .map(|(number, rows)| (number, rows, kept.remove(&(number as u32))))
-        .collect();
-    let stats: Result<Vec<SecondPassStats>> = rows
-        .into_par_iter()
-        .map(|(number, rows, kept)| match kept {
-            Some(band) => {
-                rows.copy_from_slice(&band.radiance);
-                observer.advance(columns as u64);
-                Ok(band.stats)
-            }
-            None => job.band(number, rows, writer.as_ref(), observer),
-        })
-        .collect();
-    observer.end();
-
-    let mut total = SecondPassStats::default();
-    stats?.iter().for_each(|band| total.add(band));
-    total.cut_share /= total.camera_rays.max(1) as f64;
-    total.second_pass_s = start.elapsed().as_secs_f64();
+    let mut bands = Bands { size, layers, kept, writer, observer };
+    let (radiance, noise, mut stats) = match settings.noise {
+        None => {
+            let (radiance, stats) = bands.stage(0, |places, room| evenly(&tiler, places, room))?;
+            (radiance, None, stats)
+        }
+        Some(target) => {
+            let xyz = &scene.appearance.wavelengths.xyz_weights;
+            let luminance: Vec<f64> = xyz.iter().map(|xyz| LUMENS_PER_WATT * xyz[1]).collect();
+            let (radiance, noise, stats) = to_target(&tiler, &luminance, target, &mut bands)?;
+            (radiance, Some(noise), stats)
+        }
+    };
+    stats.cut_share /= stats.camera_rays.max(1) as f64;
+    stats.second_pass_s = start.elapsed().as_secs_f64();
     let [width, height] = camera.resolution;
-    Ok((SpectralImage { width, height, wavelengths: scene.solution.wavelengths.clone(), radiance }, total))
+    let image = SpectralImage { width, height, wavelengths: scene.solution.wavelengths.clone(), radiance };
+    Ok(Rendered { image, stats, noise })
+}
+
+/// The mean radiance of the samples that the settings ask for.
+fn evenly(tiler: &Tiler, places: &[[u32; 2]], room: &mut Room) -> (Vec<f64>, SecondPassStats) {
+    let samples = tiler.scatterer.settings.samples;
+    let mut film = tiler.trace(places, 0, 0..samples, room);
+    film.radiance.iter_mut().for_each(|sum| *sum /= f64::from(samples));
+    (film.radiance, film.stats)
+}
+
+/// Stage by stage more samples where they are worth most, until the image is as little noisy as `target` asks or the samples
+/// have run out. `luminance` is that of a radiance of 1 at each wavelength.
+fn to_target(
+    tiler: &Tiler,
+    luminance: &[f64],
+    target: NoiseTarget,
+    bands: &mut Bands,
+) -> Result<(Vec<f32>, PixelNoise, SecondPassStats)> {
+    let (w, layers, width) = (tiler.w, bands.layers, tiler.width);
+    let mut tally = Tally::new(bands.size, w, target);
+    let mut total = SecondPassStats::default();
+    let mut next = Some(tally.first(tiler.scatterer.settings.samples));
+    for stage in 0.. {
+        let Some(wanted) = next else { break };
+        let (sums, stats) = bands.stage(stage, |places, room| {
+            let mut sums = vec![0.0; places.len() * layers];
+            let mut stats = SecondPassStats::default();
+            // Pixels that go the same way are traced together.
+            let mut alike: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
+            for (k, &[x, y]) in places.iter().enumerate() {
+                let pixel = y as usize * width + x as usize;
+                let way = (tally.points(pixel), wanted[pixel]);
+                if way.0 < way.1 {
+                    alike.entry(way).or_default().push(k);
+                }
+            }
+            for ((from, to), pixels) in alike {
+                let there: Vec<[u32; 2]> = pixels.iter().map(|&k| places[k]).collect();
+                for replicate in 0..REPLICATES {
+                    let film = tiler.trace(&there, replicate as u32, from..to, room);
+                    for (&k, found) in pixels.iter().zip(film.radiance.chunks_exact(w)) {
+                        let of = &mut sums[k * layers..][..layers];
+                        of.iter_mut().zip(found).for_each(|(sum, l)| *sum += l);
+                        of[w + replicate] = found.iter().zip(luminance).map(|(l, y)| l * y).sum();
+                    }
+                    stats.add(&film.stats);
+                }
+            }
+            (sums, stats)
+        })?;
+        tally.add(&sums, wanted);
+        total.add(&stats);
+        next = tally.next();
+    }
+    let (radiance, noise, stats) = tally.finish();
+    total.noise = Some(stats);
+    Ok((radiance, noise, total))
 }
 
 /// A hash of all that the image depends on. What is small goes in as its text, which tells every field
@@ -166,106 +218,4 @@ fn check_solution(scene: &LitScene) -> Result<()> {
         return refuse("the solution of the first pass is not finite");
     }
     Ok(())
-}
-
-/// Room for the waves of a tile, to be used again for the next.
-#[derive(Default)]
-struct Room {
-    wave: Wave,
-    next: Wave,
-    hits: Vec<Option<Hit>>,
-}
-
-/// What every tile needs to know.
-struct Job<'a> {
-    scatterer: Scatterer<'a>,
-    tracer: &'a dyn RayTracer,
-    view: View,
-    /// A surface nearer to the eye is the one it stands on, and not seen, m.
-    near: f64,
-    width: usize,
-    height: usize,
-    w: usize,
-}
-
-impl Job<'_> {
-    /// First column and row of a tile, and how many there are of each.
-    fn extent(&self, column: usize, band: usize) -> ([usize; 2], [usize; 2]) {
-        let low = [column * TILE, band * TILE];
-        (low, [TILE.min(self.width - low[0]), TILE.min(self.height - low[1])])
-    }
-
-    /// Renders the rows of a band and keeps them.
-    fn band(
-        &self,
-        number: usize,
-        rows: &mut [f32],
-        writer: Option<&Writer>,
-        observer: &dyn Observer,
-    ) -> Result<SecondPassStats> {
-        let tiles: Vec<Film> = (0..self.width.div_ceil(TILE))
-            .into_par_iter()
-            .map_init(Room::default, |room, column| {
-                let film = self.tile(column, number, room);
-                observer.advance(1);
-                film
-            })
-            .collect();
-        let mut stats = SecondPassStats::default();
-        for (column, film) in tiles.iter().enumerate() {
-            self.copy(film, column, rows);
-            stats.add(&film.stats);
-        }
-        if let Some(writer) = writer {
-            writer.add(number as u32, rows, &stats)?;
-        }
-        Ok(stats)
-    }
-
-    /// Renders one tile.
-    fn tile(&self, column: usize, band: usize, Room { wave, next, hits }: &mut Room) -> Film {
-        let (low, [columns, rows]) = self.extent(column, band);
-        let settings = self.scatterer.settings;
-        let pixels = columns * rows;
-        let place = |pixel: usize| (low[0] + pixel % columns, low[1] + pixel / columns);
-        let seeds = (0..pixels)
-            .map(|p| {
-                let (x, y) = place(p);
-                mix((y * self.width + x) as u32 ^ mix(settings.seed))
-            })
-            .collect();
-        let mut film = Film::new(seeds, self.w);
-        let samples = (BATCH / pixels).max(1) as u32;
-        for first in (0..settings.samples).step_by(samples as usize) {
-            let count = samples.min(settings.samples - first);
-            wave.clear();
-            let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
-            wide(Look { view, near: self.near, low, columns, seeds, first, count, rays });
-            wave.fresh = Some(Fresh { first, count });
-            film.stats.camera_rays += wave.rays.len() as u64;
-            // Every wave is one specular event deeper, so this ends at the depth limit.
-            while !wave.rays.is_empty() {
-                hits.resize(wave.rays.len(), None);
-                self.tracer.closest_batch(&wave.rays, hits);
-                self.scatterer.meet(wave, hits, &mut film, next);
-                std::mem::swap(wave, next);
-            }
-        }
-        for sum in &mut film.radiance {
-            *sum /= f64::from(settings.samples);
-        }
-        film
-    }
-
-    /// Copies a tile into the rows of its band.
-    fn copy(&self, film: &Film, column: usize, band: &mut [f32]) {
-        let start = column * TILE;
-        let columns = TILE.min(self.width - start);
-        for (row, pixels) in film.radiance.chunks_exact(columns * self.w).enumerate() {
-            let to = (row * self.width + start) * self.w;
-            for (out, sum) in band[to..to + pixels.len()].iter_mut().zip(pixels) {
-                *out = *sum as f32;
-            }
-        }
-    }
 }

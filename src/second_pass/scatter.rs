@@ -7,6 +7,7 @@ use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
 use super::sequence::draw;
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
+use super::shading::Shading;
 use super::take::{Manner, Take};
 use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
@@ -26,6 +27,8 @@ pub(super) struct Scatterer<'a> {
     pub settings: &'a SecondPassSettings,
     /// By surface.
     pub manners: Vec<Manner>,
+    /// Smooth normals of what is specular.
+    shading: Shading,
     /// Hemisphere rays that end on a surface after no more than this end nearby, by surface, m.
     nearby: Vec<f64>,
     /// How far above a surface rays start, by surface, m.
@@ -92,8 +95,10 @@ struct Meeting {
     position: DVec3,
     /// Towards where the path comes from, unit.
     i: DVec3,
-    /// Unit normal on the side met.
+    /// Unit normal on the side met, by which light is reflected and refracted.
     n: DVec3,
+    /// That of the surface itself.
+    facet: DVec3,
     cos: f64,
     side: Side,
     /// How far above the surface the path goes on, m; negative on the other side.
@@ -129,8 +134,10 @@ impl<'a> Scatterer<'a> {
                 glows: ladder.direct.is_some() && material.emission.iter().any(|&l| l > 0.0),
             }
         });
+        let manners: Vec<Manner> = manners.collect();
         Scatterer {
-            manners: manners.collect(),
+            shading: Shading::new(geometry, |s| manners[s.index()].goes_on),
+            manners,
             geometry,
             appearance,
             nearby: surfaces().map(|s| NEARBY * spacing(s)).collect(),
@@ -206,10 +213,15 @@ impl<'a> Scatterer<'a> {
         let material = self.appearance.of(hit.surface);
         let met = ray.at(hit.t);
         let normal = surface.normal_at(met);
-        let n = if hit.side == Side::Front { normal } else { -normal };
+        let facet = if hit.side == Side::Front { normal } else { -normal };
         let position = met - surface.distance(met) * normal;
         let glass = material.transmission.is_some();
         let i = -ray.direction;
+        let eta = match &material.transmission {
+            Some(Transmission::Solid { n, .. }) => Some(if hit.side == Side::Front { 1.0 / n } else { *n }),
+            _ => None,
+        };
+        let n = self.shading.normal((surface, hit.surface, hit.side), position, (facet, i), eta);
         let seed = film.seeds[path.pixel as usize];
         // The rays of a rough lobe draw their own.
         let rough = !glass && material.m > 0.0;
@@ -218,6 +230,7 @@ impl<'a> Scatterer<'a> {
             position,
             i,
             n,
+            facet,
             cos: n.dot(i).clamp(0.0, 1.0),
             side: hit.side,
             offset: self.offset[hit.surface.index()],
@@ -275,9 +288,14 @@ impl<'a> Scatterer<'a> {
             }
             path.glossy = true;
             let u = self.uniform(&path, seed);
-            let h = sample_facet(at.i, at.n, material.m, [u[0], u[1], u[2]]);
-            let r = reflect(at.i, h);
-            let weight = lobe_weight(at.i, r, h, at.n);
+            let about = |n: DVec3| {
+                let h = sample_facet(at.i, n, material.m, [u[0], u[1], u[2]]);
+                (n, h, reflect(at.i, h))
+            };
+            let (n, h, r) = Some(about(at.n))
+                .filter(|drawn| drawn.2.dot(at.facet) > 0.0)
+                .unwrap_or_else(|| about(at.facet));
+            let weight = lobe_weight(at.i, r, h, n);
             if weight > 0.0 {
                 material.reflect.eval(at.i.dot(h) as f32, &mut film.reflected);
                 let share = material.s * weight / f64::from(rays);
@@ -387,7 +405,7 @@ impl<'a> Scatterer<'a> {
             film.stats.paths_ended += 1;
             return false;
         }
-        let origin = at.position + at.aside + at.offset * at.n;
+        let origin = at.position + at.aside + at.offset * at.facet;
         let ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
         let path = Path { start: at.position, depth: at.path.depth + 1, ..at.path };
         next.push(ray, path, throughput.iter().map(|t| t / survival));

@@ -1,5 +1,6 @@
 //! What the second pass is asked for, and what it reports.
 
+use super::noise::{NoiseStats, NoiseTarget};
 use crate::error::{Error, Result};
 use serde::Serialize;
 
@@ -40,8 +41,11 @@ pub struct SecondPassSettings {
     pub lamp_samples: u32,
     /// Rays over the hemisphere of a hit on the rung `gather`.
     pub gather_samples: u32,
-    /// Camera rays a pixel, spread over its area (a box filter).
+    /// Camera rays a pixel, spread over its area (a box filter); with a noise target the fewest, 32 at least, rounded up to a
+    /// power of two.
     pub samples: u32,
+    /// Sample each part of the image until the whole is no noisier than this; `None`: `samples` everywhere.
+    pub noise: Option<NoiseTarget>,
     /// Rays in the lobe of the first rough specular surface on a path; later ones send one.
     pub lobe_samples: u32,
     /// Specular events after which a path ends. What that cuts off is reported.
@@ -61,6 +65,7 @@ impl Default for SecondPassSettings {
             lamp_samples: 1,
             gather_samples: 2,
             samples: 16,
+            noise: None,
             lobe_samples: 8,
             max_depth: Self::MAX_DEPTH,
             tolerance: 1e-3,
@@ -90,11 +95,39 @@ impl SecondPassSettings {
                 self.samples, self.lobe_samples
             ));
         }
+        if let Some(target) = self.noise {
+            self.check_noise(&target, more)?;
+        }
         if self.max_depth > Self::MAX_DEPTH {
             return refuse(format!("at most {} specular events a path are possible", Self::MAX_DEPTH));
         }
         if !(0.0..=1.0).contains(&self.tolerance) {
             return refuse(format!("the tolerance must lie between 0 and 1, not at {}", self.tolerance));
+        }
+        Ok(())
+    }
+
+    /// The same for a noise target; `more` are the rays at a hit.
+    fn check_noise(&self, target: &NoiseTarget, more: u32) -> Result<()> {
+        let (noise, most) = (target.noise, target.most_samples);
+        let refuse = |what: String| Err(Error::Settings(what));
+        if !(1e-6..=1.0).contains(&noise) {
+            return refuse(format!("a noise of {noise} cannot be asked for: from 0.0001 % to 100 %"));
+        }
+        if most < self.samples || most > MAX_POINTS {
+            return refuse(format!(
+                "at most {most} samples a pixel: give from {} (those that all take) to {MAX_POINTS}",
+                self.samples
+            ));
+        }
+        let draws = u64::from(most) * u64::from(self.lobe_samples) * u64::from(more);
+        if draws > u64::from(u32::MAX) {
+            return refuse(format!(
+                "at most {most} samples a pixel, times {} lobe samples, times {more} samples of lamps or the hemisphere: \
+                 together no more than {}",
+                self.lobe_samples,
+                u32::MAX
+            ));
         }
         Ok(())
     }
@@ -121,6 +154,9 @@ pub struct SecondPassStats {
     pub cut_share: f64,
     /// Paths ended by Russian roulette (without bias).
     pub paths_ended: u64,
+    /// What came of a noise target.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseStats>,
     /// Wall-clock time, s.
     pub second_pass_s: f64,
 }

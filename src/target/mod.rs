@@ -12,6 +12,7 @@ pub use estimate::Estimate;
 pub use search::{Reached, Step, render};
 
 use crate::error::{Error, Result};
+use crate::share;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,18 +36,9 @@ impl Target {
     /// An error from `2%` or `0.02`.
     ///
     /// # Errors
-    /// [`Error::Settings`] for anything but a share above 0.01 % and below 100 %.
+    /// Those of [`share::parse`].
     pub fn parse_error(text: &str) -> Result<Self> {
-        let (number, unit) = match text.trim().strip_suffix('%') {
-            Some(number) => (number, 0.01),
-            None => (text, 1.0),
-        };
-        match number.trim().parse::<f64>().map(|x| x * unit) {
-            Ok(share) if (1e-4..1.0).contains(&share) => Ok(Target::Error(share)),
-            _ => Err(Error::Settings(format!(
-                "an error of {text}: give a share from 0.01% to 100%, such as 2%"
-            ))),
-        }
+        Ok(Target::Error(share::parse("an error", text)?))
     }
 
     /// A time from `30s`, `2min` or `30`, seconds.
@@ -77,9 +69,6 @@ mod tests {
     fn errors_and_times_as_typed() {
         assert_eq!(Target::parse_error("2%").unwrap(), Target::Error(0.02));
         assert_eq!(Target::parse_error("0.05").unwrap(), Target::Error(0.05));
-        for wrong in ["", "%", "0%", "-1%", "100%", "nan", "inf", "two"] {
-            assert!(Target::parse_error(wrong).is_err(), "{wrong}");
-        }
         assert_eq!(Target::parse_time("30s").unwrap(), Target::Within(30.0));
         assert_eq!(Target::parse_time("1.5 min").unwrap(), Target::Within(90.0));
         assert_eq!(Target::parse_time("7").unwrap(), Target::Within(7.0));

@@ -33,7 +33,7 @@ const ERROR_WITHIN: f64 = 0.03;
 const MOST_WAVELENGTHS: usize = 32;
 /// How many times longer the first refinement is expected to take than the level before.
 const FIRST_GROWTH: f64 = 8.0;
-/// Noise below this share of the systematic error is not worth its time.
+/// An error below this share of what there is anyway is not worth its time.
 const ENOUGH: f64 = 0.3;
 
 /// An image, and what it is wrong by.
@@ -139,7 +139,9 @@ pub fn render(
         let next_s = level.s * growth;
         let too_much = next_s > LONGEST_S || 4.0 * level.prepared.points.len() as f64 > MOST_POINTS;
         let enough = match target {
-            Target::Error(asked) => plan.is_some_and(|plan| plan.error <= asked),
+            Target::Error(asked) => {
+                plan.is_some_and(|plan| plan.error <= asked) || search.points_are_enough(asked, &level)
+            }
             Target::Within(s) => {
                 let finer = search.plan(target, left, &level, next_s);
                 let gains = finer.zip(plan).is_none_or(|(finer, plan)| finer.error < plan.error);
@@ -215,6 +217,15 @@ impl Search<'_> {
             ..Estimate::of_solution(&level.light.1.stats)
         }
         .summed()
+    }
+
+    /// Whether finer points are no use: what they cannot mend is more than the error asked for, and most of all there is.
+    fn points_are_enough(&self, asked: f64, level: &Level) -> bool {
+        self.rungs.iter().all(|on| {
+            let estimate = self.estimate(on, level, 0);
+            let rest = Estimate { points: 0.0, ..estimate }.systematic();
+            rest > asked && estimate.points < ENOUGH * rest
+        })
     }
 
     /// The best image of this level, or of the next if that takes `next_s`, as far as can be told: `None` where nothing

@@ -4,7 +4,7 @@
 //! sharp as the surface itself. The test may keep what the ray misses but never drops what it meets: its
 //! bound on rounding is derived in [`Line`]. What it keeps is decided in `f64`.
 
-use crate::geometry::Surface;
+use crate::geometry::{Aabb, Round, Surface};
 use glam::{DMat3, DVec3};
 
 /// Boxes side by side: one register of AVX2.
@@ -28,9 +28,16 @@ impl OrientedBox {
         !(along(self.axes.x_axis) && along(self.axes.y_axis))
     }
 
-    /// A box around `surface`: flat, its first axis along an edge, where the surface is.
-    pub fn around(surface: &Surface) -> Self {
+    /// A box around part number `part` of `surface`: flat, its first axis along an edge, where the surface is.
+    pub fn around(surface: &Surface, part: usize) -> Self {
         let n = surface.plane().map_or(DVec3::Z, |plane| plane.normal);
+        if let Some(Round::Patch(patch)) = surface.round() {
+            let part = &patch.parts()[part];
+            let (n, x) = part.frame();
+            let room = part.room();
+            let fit = OrientedBox::of_points(part.net.as_flattened(), DMat3::from_cols(x, n.cross(x), n));
+            return OrientedBox { half: fit.half + room, ..fit };
+        }
         if let Some(round) = surface.round() {
             let x = n.any_orthonormal_vector();
             let axes = DMat3::from_cols(x, n.cross(x), n);
@@ -41,8 +48,12 @@ impl OrientedBox {
         let corners = surface.vertices();
         let along = corners[1] - corners[0];
         let x = (along - along.dot(n) * n).try_normalize().unwrap_or_else(|| n.any_orthonormal_vector());
-        let axes = DMat3::from_cols(x, n.cross(x), n);
-        let places = corners.iter().map(|&v| axes.transpose() * v);
+        OrientedBox::of_points(corners, DMat3::from_cols(x, n.cross(x), n))
+    }
+
+    /// The smallest box with these axes around `points`.
+    fn of_points(points: &[DVec3], axes: DMat3) -> Self {
+        let places = points.iter().map(|&v| axes.transpose() * v);
         let (low, high) =
             places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         OrientedBox { axes, centre: 0.5 * (low + high), half: 0.5 * (high - low) }
@@ -91,8 +102,8 @@ impl Blocks {
         self.blocks.len()
     }
 
-    /// Adds a block of at most eight surfaces, by number, and their turned boxes.
-    pub fn push<'a>(&mut self, surfaces: impl Iterator<Item = (u32, &'a Surface, OrientedBox)> + Clone) {
+    /// Adds a block of at most eight: numbers, boxes along the axes of space, and turned ones.
+    pub fn push(&mut self, surfaces: impl Iterator<Item = (u32, Aabb, OrientedBox)> + Clone) {
         let mut block = Block {
             centre: [[0.0; LANES]; 3],
             half: [[0.0; LANES]; 3],
@@ -100,8 +111,7 @@ impl Blocks {
             used: 0,
             turned: NOT_TURNED,
         };
-        for (lane, (id, surface, _)) in surfaces.clone().take(LANES).enumerate() {
-            let bounds = surface.bounds();
+        for (lane, (id, bounds, _)) in surfaces.clone().take(LANES).enumerate() {
             let (centre, half) = (bounds.centre().as_vec3(), 0.5 * bounds.size().as_vec3());
             for k in 0..3 {
                 block.centre[k][lane] = centre[k];
@@ -288,7 +298,12 @@ mod tests {
                     Surface::new(shape.placed(|p| p.as_vec3().as_dvec3()))
                 });
                 let mut blocks = Blocks::default();
-                blocks.push(surfaces.iter().enumerate().map(|(k, s)| (k as u32, s, OrientedBox::around(s))));
+                blocks.push(
+                    surfaces
+                        .iter()
+                        .enumerate()
+                        .map(|(k, s)| (k as u32, s.bounds(), OrientedBox::around(s, 0))),
+                );
                 for (lane, surface) in surfaces.iter().enumerate() {
                     for corner in 0..4 {
                         // On one of the triangles that stand for the surface: inside, on an edge, at a corner.

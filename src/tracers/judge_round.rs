@@ -6,7 +6,7 @@
 //! lines in space times the sine of their angle, as for edges).
 
 use super::judge::{Crossing, EDGE_ULPS, END_ULPS, ulps};
-use super::judge_cone;
+use super::{judge_cone, judge_patch};
 use crate::geometry::{Disc, Ray, Round, Sphere};
 use glam::DVec3;
 
@@ -17,6 +17,7 @@ pub(super) fn crossing(round: &Round, from: DVec3, to: DVec3, limits: [f64; 2], 
         Round::Disc(disc) => disc_crossing(disc, from, to, limits, bands),
         Round::Sphere(sphere) => sphere_crossing(sphere, from, to, limits, bands),
         Round::Cone(cone) => judge_cone::crossing(cone, from, to, limits, bands),
+        Round::Patch(patch) => judge_patch::crossing(patch, from, to, limits, bands),
     }
 }
 
@@ -26,11 +27,11 @@ pub(super) fn blur(round: &Round, from: DVec3, to: DVec3, t: f64, band: f64) -> 
     match round {
         Round::Disc(disc) => band / disc.normal.dot(ray.direction).abs(),
         Round::Cone(cone) => judge_cone::blur(cone, from, to, t, band),
+        Round::Patch(patch) => judge_patch::blur(patch, from, to, t, band),
         Round::Sphere(sphere) => {
-            let [first, second] = round.crossings(&ray);
+            let [first, second] = sphere.crossings(&ray);
             let which = usize::from((second - t).abs() < (first - t).abs());
-            let shift =
-                |radius: f64| (Round::Sphere(Sphere { radius, ..*sphere }).crossings(&ray)[which] - t).abs();
+            let shift = |radius: f64| (Sphere { radius, ..*sphere }.crossings(&ray)[which] - t).abs();
             // Where the smaller sphere is missed the line may as well be a tangent.
             let inner = shift(sphere.radius - band);
             let inner = if inner.is_nan() { 0.5 * (second - first) } else { inner };
@@ -61,7 +62,7 @@ fn sphere_crossing(
         .windows(2)
         .position(|pair| certain(pair[0]) && certain(pair[1]) && (pair[0].1 < 0.0) != (pair[1].1 < 0.0));
     if let Some(k) = crosses {
-        let roots = Round::Sphere(*sphere).crossings(&ray);
+        let roots = sphere.crossings(&ray);
         // On the way down the first root, on the way up the second.
         let t = roots[usize::from(stations[k].1 < 0.0)].max(stations[k].0).min(stations[k + 1].0);
         let doubtful = stations[..k].iter().copied().find(|&s| !certain(s));

@@ -12,6 +12,7 @@ pub mod edges;
 pub mod embree;
 pub mod judge;
 mod judge_cone;
+mod judge_patch;
 mod judge_round;
 pub mod voxel;
 

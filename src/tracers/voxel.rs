@@ -7,10 +7,10 @@ use super::brute_force::{segment_ray, side_met};
 use super::cull::{Blocks, LANES, Line, OrientedBox, Stretch};
 use super::edges::{RayFrame, crossing, edge, is_in_box};
 use super::{RayTracer, Segment};
-use crate::geometry::{Hit, Ray, Surface, SurfaceId};
+use crate::geometry::{Hit, Ray, Round, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
-use crate::voxels::{MAX_LEVEL, VoxelSettings, Voxels, Walk};
+use crate::voxels::{MAX_LEVEL, Part, VoxelSettings, Voxels, Walk};
 use glam::DVec3;
 use std::cell::Cell;
 
@@ -22,15 +22,17 @@ pub struct VoxelTracer {
     facets: Vec<Facet>,
     /// First block of each voxel: `[voxels + 1]`.
     starts: Vec<u32>,
-    /// Boxes around the surfaces of each voxel, voxel by voxel.
+    /// Boxes around the facets of each voxel, voxel by voxel.
     blocks: Blocks,
     /// Distance of the furthest corner of the voxels from the local origin, m.
     reach: f64,
 }
 
-/// A surface made ready to be hit, no larger than the inner loop needs.
+/// A surface, or a part of one, made ready to be hit, no larger than the inner loop needs.
 #[derive(Clone, Debug)]
 struct Facet {
+    surface: SurfaceId,
+    part: u32,
     /// Corners as in [`Surface::triangles`], v0 v1 v3 and v2 v3 v1, coordinate by coordinate. A triangle v0 v1 v2 is
     /// stored as v0 v1 (v0) v2.
     corners: [[f64; 4]; 3],
@@ -40,11 +42,13 @@ struct Facet {
 }
 
 impl Facet {
-    fn new(surface: &Surface) -> Self {
+    fn new(id: SurfaceId, surface: &Surface, part: usize) -> Self {
         let (triangles, count) = surface.triangles();
         let [a, b, d] = triangles[0];
         let c = if count == 2 { triangles[1][0] } else { a };
         Facet {
+            surface: id,
+            part: part as u32,
             corners: [0, 1, 2].map(|k| [a[k], b[k], c[k], d[k]]),
             is_triangle: count == 1,
             is_round: count == 0,
@@ -77,27 +81,44 @@ impl Facet {
     }
 }
 
+/// How many facets a surface is.
+fn parts_of(surface: &Surface) -> usize {
+    surface.round().map_or(1, Round::parts)
+}
+
 impl VoxelTracer {
     /// A tracer over `geometry`, its voxels as fine as measurement showed best.
     pub fn new(geometry: &Geometry) -> Self {
-        Self::with_settings(geometry, &Self::settings(geometry.surfaces.len()))
+        let parts = geometry.surfaces.iter().map(parts_of).sum();
+        Self::with_settings(geometry, &Self::settings(parts))
     }
 
     /// A tracer with voxels of a given fineness.
     pub fn with_settings(geometry: &Geometry, settings: &VoxelSettings) -> Self {
-        let voxels = Voxels::build(geometry, settings);
-        let boxes: Vec<OrientedBox> = geometry.surfaces.iter().map(OrientedBox::around).collect();
+        let mut facets = Vec::with_capacity(geometry.surfaces.len());
+        let (mut parts, mut boxes) = (Vec::new(), Vec::new());
+        for (i, surface) in geometry.surfaces.iter().enumerate() {
+            let id = SurfaceId(i as u32);
+            let count = parts_of(surface);
+            for k in 0..count {
+                let bounds = surface.round().map_or_else(|| surface.bounds(), |round| round.part_bounds(k));
+                facets.push(Facet::new(id, surface, k));
+                parts.push(Part { surface: id, bounds, is_whole: count == 1 });
+                boxes.push(OrientedBox::around(surface, k));
+            }
+        }
+        let voxels = Voxels::of_parts(geometry, &parts, settings);
         let (mut starts, mut blocks) = (vec![0], Blocks::default());
         for v in 0..voxels.len() {
             for ids in voxels.surfaces_of(v).chunks(LANES) {
-                blocks.push(ids.iter().map(|id| (id.0, geometry.surface(*id), boxes[id.index()])));
+                blocks.push(ids.iter().map(|id| (id.0, parts[id.index()].bounds, boxes[id.index()])));
             }
             starts.push(blocks.count() as u32);
         }
         let bounds = voxels.scene_bounds();
         VoxelTracer {
             surfaces: geometry.surfaces.clone(),
-            facets: geometry.surfaces.iter().map(Facet::new).collect(),
+            facets,
             starts,
             blocks,
             reach: bounds.min.abs().max(bounds.max.abs()).length(),
@@ -105,18 +126,17 @@ impl VoxelTracer {
         }
     }
 
-    /// Settings for `surfaces` surfaces.
-    fn settings(surfaces: usize) -> VoxelSettings {
-        let level = 3 + surfaces.max(1).ilog2() as u8;
+    /// Settings for so many surfaces, or parts of them.
+    fn settings(parts: usize) -> VoxelSettings {
+        let level = 3 + parts.max(1).ilog2() as u8;
         VoxelSettings { max_objects: LANES, max_level: level.min(MAX_LEVEL) }
     }
 
-    /// Where `ray`, whose frame this is, meets surface `id` first.
+    /// Where `ray`, whose frame this is, meets a facet first.
     #[inline(always)]
-    fn meet(&self, id: SurfaceId, ray: &Ray, frame: &RayFrame) -> Option<f64> {
-        let facet = &self.facets[id.index()];
+    fn meet(&self, facet: &Facet, ray: &Ray, frame: &RayFrame) -> Option<f64> {
         if facet.is_round {
-            return self.surfaces[id.index()].round()?.intersect(ray);
+            return self.surfaces[facet.surface.index()].round()?.intersect_part(facet.part as usize, ray);
         }
         facet.intersect(ray, frame)
     }
@@ -149,8 +169,9 @@ impl VoxelTracer {
                 while candidates != 0 {
                     let id = ids[candidates.trailing_zeros() as usize / 8];
                     candidates &= candidates - 1;
-                    if let Some(t) = self.meet(SurfaceId(id), ray, &frame)
-                        && !meet(t, SurfaceId(id))
+                    let facet = &self.facets[id as usize];
+                    if let Some(t) = self.meet(facet, ray, &frame)
+                        && !meet(t, facet.surface)
                     {
                         return;
                     }

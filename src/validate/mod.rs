@@ -13,6 +13,7 @@ mod expected;
 mod form_factors;
 mod fresnel;
 mod hollow;
+mod luminaire;
 mod meyer;
 mod model;
 mod photometry;
@@ -144,11 +145,12 @@ impl Group {
 /// Those of the pipeline: a check that cannot be carried out at all is no check.
 pub fn run(tracer: TracerChoice, observer: &dyn Observer) -> Result<Vec<Group>> {
     type Checks = fn(TracerChoice) -> Result<Vec<Case>>;
-    let subjects: [(&'static str, Checks); 10] = [
+    let subjects: [(&'static str, Checks); 11] = [
         ("Form factors", form_factors::run),
         ("CIE 171:2006, analytical cases", cie171::run),
         ("Furnaces and enclosures", enclosures::run),
         ("Photometry", photometry::run),
+        ("Luminaires by their tables", luminaire::run),
         ("Sun and sky", daylight::run),
         ("Cook-Torrance reflection", |_| cook_torrance::run()),
         ("Fresnel factors", |_| fresnel::run()),

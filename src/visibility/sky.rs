@@ -17,6 +17,9 @@ use rayon::prelude::*;
 const COARSE: u32 = 2;
 const FINE: u32 = 8;
 
+/// So many points look before what they saw gets its numbers: with its lists of surfaces it takes several times the memory.
+const CHUNK: usize = 4096;
+
 /// Part of a patch that a place sees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyPart {
@@ -143,15 +146,18 @@ impl SkySight {
         let patches = Patches::new(up);
         let gaze = SkyGaze::new(geometry, tracer, &patches, 1);
         let at = |i: usize| gaze.at(points.position[i].as_dvec3(), points.normal[i].as_dvec3());
-        let seen: Vec<Seen> = (0..points.len()).into_par_iter().map(at).collect();
         let (mut passages, mut ends, mut parts) = (Passages::default(), Vec::new(), Vec::new());
-        for point in seen {
-            for (patch, through, factor) in point {
-                if let Some(passage) = passages.number(&through) {
-                    parts.push(SkyPart { patch, passage, factor });
+        for first in (0..points.len()).step_by(CHUNK) {
+            let chunk = first..(first + CHUNK).min(points.len());
+            let seen: Vec<Seen> = chunk.into_par_iter().map(at).collect();
+            for point in seen {
+                for (patch, through, factor) in point {
+                    if let Some(passage) = passages.number(&through) {
+                        parts.push(SkyPart { patch, passage, factor });
+                    }
                 }
+                ends.push(parts.len());
             }
-            ends.push(parts.len());
         }
         SkySight { patches: Some(patches), passages, up: Some(up), ends, parts }
     }

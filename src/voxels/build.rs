@@ -2,7 +2,7 @@
 
 use super::overlap::{round_meets_box, triangle_meets_box};
 use super::{MAX_LEVEL, PADDING, VOXEL_BITS, VoxelSettings, Voxels};
-use crate::geometry::{Aabb, SurfaceId};
+use crate::geometry::{Aabb, Surface, SurfaceId};
 use crate::scene::Geometry;
 use glam::DVec3;
 
@@ -13,6 +13,17 @@ const MAX_ENTRIES: usize = 1 << 21;
 
 /// See [`MAX_ENTRIES`].
 const ENTRIES_PER_SURFACE: usize = 32;
+
+/// What voxels hold: a surface, or one of the parts that rays are asked of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    /// The surface.
+    pub surface: SurfaceId,
+    /// The box around the part.
+    pub bounds: Aabb,
+    /// Whether it is all of the surface.
+    pub is_whole: bool,
+}
 
 /// A voxel while it may still be halved.
 struct Node {
@@ -74,8 +85,8 @@ impl Frame {
         Aabb { min: corner(0), max: corner(1) }
     }
 
-    /// The two halves of `node`, each with the surfaces of `node` that meet it.
-    fn halve(&self, node: &Node, geometry: &Geometry, boxes: &[Aabb]) -> [Node; 2] {
+    /// The two halves of `node`, each with the parts of `node` that meet it.
+    fn halve(&self, node: &Node, geometry: &Geometry, parts: &[Part]) -> [Node; 2] {
         let axis = self.axes[node.level as usize];
         let mut halves = [0, 1].map(|side| {
             let mut place = node.place;
@@ -85,12 +96,13 @@ impl Frame {
         let bounds = [self.bounds(&halves[0]), self.bounds(&halves[1])];
         let middle = bounds[0].max[axis];
         for &s in &node.surfaces {
-            let span = boxes[s as usize];
+            let part = &parts[s as usize];
+            let span = part.bounds;
             let reaches = [span.min[axis] <= middle + self.pad, span.max[axis] >= middle - self.pad];
             for side in 0..2 {
                 // What meets the whole and keeps to one side meets that half.
                 let straddles = reaches[1 - side];
-                if reaches[side] && (!straddles || self.meets(geometry, s, &bounds[side])) {
+                if reaches[side] && (!straddles || self.meets(geometry, part, &bounds[side])) {
                     halves[side].surfaces.push(s);
                 }
             }
@@ -98,11 +110,17 @@ impl Frame {
         halves
     }
 
-    fn meets(&self, geometry: &Geometry, surface: u32, voxel: &Aabb) -> bool {
-        let (triangles, count) = geometry.surfaces[surface as usize].triangles();
+    fn meets(&self, geometry: &Geometry, part: &Part, voxel: &Aabb) -> bool {
+        let surface = geometry.surface(part.surface);
+        let (triangles, count) = surface.triangles();
         let half = 0.5 * voxel.size() + self.pad;
-        if let Some(round) = geometry.surfaces[surface as usize].round() {
-            return round_meets_box(round, voxel.centre(), half);
+        match surface.round() {
+            Some(round) if part.is_whole => return round_meets_box(round, voxel.centre(), half),
+            Some(_) => {
+                let apart = (part.bounds.centre() - voxel.centre()).abs() - 0.5 * part.bounds.size();
+                return apart.cmple(half).all();
+            }
+            None => {}
         }
         triangles[..count].iter().any(|t| triangle_meets_box(t, voxel.centre(), half))
     }
@@ -114,10 +132,23 @@ impl Voxels {
     /// 4.1). The box and the voxels' reach are padded by [`PADDING`]. Takes O(n log n) for surfaces
     /// that are small against the scene.
     pub fn build(geometry: &Geometry, settings: &VoxelSettings) -> Voxels {
-        let boxes: Vec<Aabb> = geometry.surfaces.iter().map(|s| s.bounds()).collect();
+        let whole = |(i, surface): (usize, &Surface)| Part {
+            surface: SurfaceId(i as u32),
+            bounds: surface.bounds(),
+            is_whole: true,
+        };
+        Self::of_parts(
+            geometry,
+            &geometry.surfaces.iter().enumerate().map(whole).collect::<Vec<_>>(),
+            settings,
+        )
+    }
+
+    /// [`Voxels::build`] over parts of surfaces; the voxels then hold the numbers of parts.
+    pub(crate) fn of_parts(geometry: &Geometry, parts: &[Part], settings: &VoxelSettings) -> Voxels {
         let frame = Frame::new(geometry.bounds(), settings.max_level);
-        let limit = MAX_ENTRIES.max(ENTRIES_PER_SURFACE * boxes.len());
-        let all = (0..boxes.len() as u32).collect();
+        let limit = MAX_ENTRIES.max(ENTRIES_PER_SURFACE * parts.len());
+        let all = (0..parts.len() as u32).collect();
         let mut leaves = vec![Node { level: 0, path: 0, place: [0; 3], surfaces: all }];
         // Level by level, so that the limit on the lists falls on all places alike.
         for level in 0..frame.axes.len() as u8 {
@@ -129,7 +160,7 @@ impl Voxels {
             let mut next = Vec::with_capacity(leaves.len() + leaves.len() / 2);
             for node in leaves {
                 if open(&node) {
-                    next.extend(frame.halve(&node, geometry, &boxes));
+                    next.extend(frame.halve(&node, geometry, parts));
                 } else {
                     next.push(node);
                 }

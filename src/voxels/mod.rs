@@ -8,6 +8,7 @@ mod build;
 mod overlap;
 mod walk;
 
+pub(crate) use build::Part;
 pub use walk::{Step, Walk};
 
 use crate::geometry::{Aabb, SurfaceId};

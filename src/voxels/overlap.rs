@@ -1,6 +1,6 @@
 //! Whether a triangle meets a box, by separating axes, or a surface that is no polygon does.
 
-use crate::geometry::Round;
+use crate::geometry::{Aabb, Round};
 use glam::DVec3;
 
 /// Whether `triangle` meets the box of centre `centre` and half edges `half`, touching included.
@@ -32,6 +32,7 @@ pub(super) fn round_meets_box(round: &Round, centre: DVec3, half: DVec3) -> bool
             // The box is padded by far more than these sums are rounded by.
             nearest <= sphere.radius && furthest >= sphere.radius
         }
+        Round::Patch(patch) => patch.may_meet_box(&Aabb { min: centre - half, max: centre + half }),
         Round::Cone(cone) => {
             // The distance from the endless cone changes by no more than the way to a corner.
             let axis = cone.axis();

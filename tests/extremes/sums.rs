@@ -21,6 +21,7 @@ fn material(w: usize, rho: f32, emission: f32) -> SampledMaterial {
         m: 0.0,
         reflect: FresnelTable { wavelengths: w, values: vec![0.0; 20 * w] },
         transmission: None,
+        spread: None,
         emission: vec![emission; w],
     }
 }

@@ -30,6 +30,7 @@ pub fn diffuse(rho: f32, emission: f32) -> SampledMaterial {
         m: 0.0,
         reflect: table(0.0),
         transmission: None,
+        spread: None,
         emission: vec![emission; W],
     }
 }

@@ -5,7 +5,7 @@ use crate::cli::args::BenchHall;
 use crate::cli::progress::Bars;
 use crate::cli::say::say;
 use luxgraph::error::Result;
-use luxgraph::report::bench::linked::{LinkedGrowth, STAGES, linked_growth};
+use luxgraph::report::bench::linked::{LinkedGrowth, LinkedSize, STAGES, linked_growth};
 use luxgraph::report::paper_tables::group;
 use luxgraph::report::{Machine, write_json};
 use luxgraph::visibility::LinkSettings;
@@ -25,8 +25,23 @@ pub fn run(args: &BenchHall) -> Result<()> {
     let (scene, settings) = asked(args)?;
     let mut links = LinkSettings::default();
     links.tolerance = args.link_tolerance.unwrap_or(links.tolerance);
-    let growth = linked_growth(&scene, &settings, &links, &args.points, args.full, &Bars::new())?;
-    print(&growth);
+    say!(
+        "a hall of {} quadrilaterals over links of a form factor of {} at most: wall time and that of all processors in \
+         s, and peak memory in MB",
+        group(scene.geometry.surfaces.len() as u64),
+        links.tolerance
+    );
+    let heads: String = STAGES.iter().map(|stage| format!("{stage:>24}")).collect();
+    say!("{:>9}{heads}   links/point  rays/point  sweeps", "points");
+    let asked = (&args.points[..], args.full);
+    let growth = linked_growth(&scene, &settings, &links, asked, &mut print, &Bars::new())?;
+    if growth.sizes.len() > 1 {
+        say!(
+            "links, set-up and solution: N^{:.2}; processors N^{:.2}",
+            growth.exponent,
+            growth.exponent_of_cpu
+        );
+    }
     let machine = Machine::this();
     say!("on {}, {} threads, tracer {}", machine.processor, machine.threads, growth.tracer);
     if let Some(path) = &args.report {
@@ -35,50 +50,30 @@ pub fn run(args: &BenchHall) -> Result<()> {
     Ok(())
 }
 
-fn print(growth: &LinkedGrowth) {
+fn print(size: &LinkedSize) {
+    let costs = size
+        .stages
+        .iter()
+        .map(|c| format!("{:>9.2} {:>8.2} {:>5.0}", c.s, c.cpu_s, c.peak_memory_bytes as f64 / 1e6));
+    let costs: String = costs.collect();
+    let by_point = |count: u64| count as f64 / size.points as f64;
     say!(
-        "a hall of {} quadrilaterals over links of a form factor of {} at most: wall time and that of all processors in \
-         s, and peak memory in MB",
-        group(growth.surfaces as u64),
-        growth.tolerance
+        "{:>9}{costs}{:>14.0}{:>12.0}{:>8.0}",
+        group(size.points as u64),
+        by_point(size.links.links),
+        by_point(size.links.rays_cast),
+        size.sweeps
     );
-    let heads: String = STAGES.iter().map(|stage| format!("{stage:>24}")).collect();
-    say!("{:>9}{heads}   links/point  rays/point  sweeps", "points");
-    for size in &growth.sizes {
-        let costs = size
-            .stages
-            .iter()
-            .map(|c| format!("{:>9.2} {:>8.2} {:>5.0}", c.s, c.cpu_s, c.peak_memory_bytes as f64 / 1e6));
-        let costs: String = costs.collect();
-        let by_point = |count: u64| count as f64 / size.points as f64;
+    if let Some(full) = &size.full {
         say!(
-            "{:>9}{costs}{:>14.0}{:>12.0}{:>8.0}",
-            group(size.points as u64),
-            by_point(size.links.links),
-            by_point(size.links.rays_cast),
-            size.sweeps
-        );
-    }
-    for size in &growth.sizes {
-        if let Some(full) = &size.full {
-            say!(
-                "{} points over all pairs: {:.2} s, {:.2} s of processors; over links the irradiance is off by {:.3} % \
-                 (root mean square by area; radiance {:.3} %, sum {:+.3} %, worst point {:.1} % of the mean)",
-                group(size.points as u64),
-                full.cost.s,
-                full.cost.cpu_s,
-                100.0 * full.error.irradiance,
-                100.0 * full.error.radiance,
-                100.0 * full.error.bias,
-                100.0 * full.error.largest
-            );
-        }
-    }
-    if growth.sizes.len() > 1 {
-        say!(
-            "links, set-up and solution: N^{:.2}; processors N^{:.2}",
-            growth.exponent,
-            growth.exponent_of_cpu
+            "          over all pairs: {:.2} s, {:.2} s of processors; over links the irradiance is off by {:.3} % (root \
+             mean square by area; radiance {:.3} %, sum {:+.3} %, worst point {:.1} % of the mean)",
+            full.cost.s,
+            full.cost.cpu_s,
+            100.0 * full.error.irradiance,
+            100.0 * full.error.radiance,
+            100.0 * full.error.bias,
+            100.0 * full.error.largest
         );
     }
 }

@@ -8,7 +8,8 @@ use luxgraph::error::Result;
 use luxgraph::report::bench::first_pass::FirstPassBench;
 use luxgraph::report::bench::graph::GraphBench;
 use luxgraph::report::bench::moved::MovedBench;
-use luxgraph::report::bench::stages::{Stages, stages};
+use luxgraph::report::bench::second_pass::SecondPassRates;
+use luxgraph::report::bench::stages::{Section, Stages, stages};
 use luxgraph::report::bench::tracers::TracerRates;
 use luxgraph::report::paper_tables::group;
 use luxgraph::report::{Machine, peak_memory_bytes, write_json};
@@ -40,8 +41,8 @@ pub fn run(args: &BenchStages) -> Result<()> {
         wavelengths: Wavelengths::parse(&args.wavelengths)?,
         ..Settings::default()
     };
-    let stages = stages(&scene, changed.as_ref(), &settings, &args.points, &Bars::new())?;
-    print(&stages);
+    let bars = Bars::new();
+    let stages = stages(&scene, changed.as_ref(), &settings, &args.points, &mut print, &bars)?;
     let (machine, peak_memory_bytes) = (Machine::this(), peak_memory_bytes());
     say!("peak memory {:.0} MB", peak_memory_bytes as f64 / 1e6);
     say!("on {}, {} threads, tracer {}", machine.processor, machine.threads, stages.second_pass.tracer);
@@ -52,33 +53,36 @@ pub fn run(args: &BenchStages) -> Result<()> {
     Ok(())
 }
 
-fn print(stages: &Stages) {
-    say!("graph: time over that of a plain loop over the facing pairs ({})", stages.sizes[0].graph.ceiling);
-    say!("   points   graph s    loop s   ratio   Msegments/s    graph MB        rays");
-    for size in &stages.sizes {
-        let GraphBench {
-            points,
-            graph_s,
-            ceiling_s,
-            ratio,
-            ceiling_segments_per_s,
-            memory_bytes,
-            rays_cast,
-            ..
-        } = &size.graph;
-        say!(
-            "{:>9}{graph_s:>10.3}{ceiling_s:>10.3}{ratio:>8.3}{:>14.1}{:>12.1}{:>12}",
-            group(*points),
-            ceiling_segments_per_s / 1e6,
-            *memory_bytes as f64 / 1e6,
-            group(*rays_cast)
-        );
+fn print(section: Section) {
+    match section {
+        Section::Graph(graph) => print_graph(graph),
+        Section::FirstPass(points, first_pass) => print_first_pass(points, first_pass),
+        Section::Moved(moved) => print_moved(moved),
+        Section::SecondPass(rates) => print_second_pass(rates),
+        Section::Tracers(on) => {
+            say!("\nray tracers, million rays a second on one thread");
+            say!(" surfaces  query     voxel  Embree single  ratio  Embree packets  voxel build s");
+            on.into_iter().for_each(rates);
+        }
     }
-    let graph = &stages.sizes[0].graph;
+}
+
+fn print_graph(graph: &GraphBench) {
+    say!("\ngraph: time over that of a plain loop over the facing pairs ({})", graph.ceiling);
+    say!("   points   graph s    loop s   ratio   Msegments/s    graph MB        rays");
+    let GraphBench {
+        points, graph_s, ceiling_s, ratio, ceiling_segments_per_s, memory_bytes, rays_cast, ..
+    } = graph;
     say!(
-        "pairs decided at {} points: same surface {}, not facing {}, proved {}, tested {}, last blocker {}, ray {}; \
-         see each other {} (loop {})",
-        group(graph.points),
+        "{:>9}{graph_s:>10.3}{ceiling_s:>10.3}{ratio:>8.3}{:>14.1}{:>12.1}{:>12}",
+        group(*points),
+        ceiling_segments_per_s / 1e6,
+        *memory_bytes as f64 / 1e6,
+        group(*rays_cast)
+    );
+    say!(
+        "pairs decided: same surface {}, not facing {}, proved {}, tested {}, last blocker {}, ray {}; see each other {} \
+         (loop {})",
         group(graph.same_surface),
         group(graph.not_facing),
         group(graph.proved),
@@ -88,57 +92,49 @@ fn print(stages: &Stages) {
         group(graph.graph_seen),
         group(graph.ceiling_seen)
     );
-    for MovedBench { points, update_s, build_s, ratio, copied_share, different_pairs } in
-        stages.sizes.iter().filter_map(|size| size.moved.as_ref())
-    {
-        say!(
-            "changed scene, {} points: graph updated in {update_s:.3} s, {:.1} % of the {build_s:.3} s that a new one takes; \
-             {:.1} % of the pairs copied, {} different",
-            group(*points),
-            100.0 * ratio,
-            100.0 * copied_share,
-            group(*different_pairs)
-        );
-    }
+}
+
+fn print_moved(moved: &MovedBench) {
+    let MovedBench { points, update_s, build_s, ratio, copied_share, different_pairs } = moved;
     say!(
-        "\nfirst pass: a sweep over the dense product of a stored matrix; relights over graph and first pass"
+        "changed scene, {} points: graph updated in {update_s:.3} s, {:.1} % of the {build_s:.3} s that a new one takes; \
+         {:.1} % of the pairs copied, {} different",
+        group(*points),
+        100.0 * ratio,
+        100.0 * copied_share,
+        group(*different_pairs)
     );
+}
+
+fn print_first_pass(points: usize, first_pass: Option<&FirstPassBench>) {
+    let points = group(points as u64);
+    let Some(first_pass) = first_pass else {
+        say!("first pass at {points} points: left out, the lobes of so many specular points take minutes");
+        return;
+    };
+    say!("first pass: a sweep over the dense product of a stored matrix; relights over graph and first pass");
     say!("   points   W   sweep s  product s   ratio  set-up s  solve s  sweeps");
-    for size in &stages.sizes {
-        let Some(first_pass) = &size.first_pass else {
-            let points = group(size.graph.points);
-            say!("{points:>9}   left out: the lobes of so many specular points take minutes");
-            continue;
-        };
-        let FirstPassBench {
-            points, wavelengths, sweep_s, ceiling_s, ratio, setup_s, solve_s, sweeps, ..
-        } = first_pass;
-        let or_none = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.3}"));
+    let FirstPassBench { wavelengths, sweep_s, ceiling_s, ratio, setup_s, solve_s, sweeps, .. } = first_pass;
+    let or_none = |x: &Option<f64>| x.map_or("-".into(), |x| format!("{x:.3}"));
+    say!(
+        "{points:>9}{wavelengths:>4}{sweep_s:>10.3}{:>11}{:>8}{setup_s:>10.3}{solve_s:>9.3}{sweeps:>8.0}",
+        or_none(ceiling_s),
+        or_none(ratio)
+    );
+    for relight in &first_pass.relights {
         say!(
-            "{:>9}{wavelengths:>4}{sweep_s:>10.3}{:>11}{:>8}{setup_s:>10.3}{solve_s:>9.3}{sweeps:>8.0}",
-            group(*points),
-            or_none(*ceiling_s),
-            or_none(*ratio)
-        );
-    }
-    let first = stages.sizes.iter().find_map(|size| size.first_pass.as_ref());
-    for (first, relight) in first.iter().flat_map(|first| first.relights.iter().map(move |r| (first, r))) {
-        say!(
-            "relight at {} points, {}: {:.3} s, {:.1} % of graph and first pass",
-            group(first.points),
+            "relight, {}: {:.3} s, {:.1} % of graph and first pass",
             relight.change,
             relight.total_s,
             100.0 * relight.share_of_full
         );
     }
-    say!("\nray tracers, million rays a second on one thread");
-    say!(" surfaces  query     voxel  Embree single  ratio  Embree packets  voxel build s");
-    rates(&stages.tracers);
-    rates(&stages.tracers_on_hall);
-    let view = &stages.second_pass;
+}
+
+fn print_second_pass(view: &SecondPassRates) {
     let [width, height] = view.resolution;
     say!(
-        "\nsecond pass, {width} x {height}, {} samples a pixel, {} rays: rate over that of a bare loop over its rays",
+        "second pass, {width} x {height}, {} samples a pixel, {} rays: rate over that of a bare loop over its rays",
         view.samples,
         group(view.rays as u64)
     );

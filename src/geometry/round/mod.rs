@@ -1,20 +1,28 @@
-//! Surfaces that are no polygons: discs, spheres, the sides of cylinders and cones; never taken apart into facets.
+//! Surfaces that are no polygons: discs, spheres, the sides of cylinders and cones, bicubic patches; never taken apart
+//! into facets.
 //!
-//! Their parameters (u, v) fill the unit square and keep areas, so that all cells of a level of the quadtree
-//! are equally large. Counter-clockwise in (u, v) is counter-clockwise as seen from the front.
+//! Their parameters (u, v) fill the unit square and, but for patches, keep areas, so that all cells of a level of the
+//! quadtree are equally large. Counter-clockwise in (u, v) is counter-clockwise as seen from the front.
 
 mod cone;
 mod disc;
+pub(crate) mod net;
+mod patch;
+mod patch_crossings;
+mod patch_part;
 mod sphere;
 
 pub use cone::Cone;
 pub(crate) use cone::Profile;
 pub use disc::Disc;
+pub use patch::Patch;
+pub(crate) use patch_crossings::turns_one_way;
 pub use sphere::Sphere;
 
 use super::{Aabb, Ray, Side};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// A surface that is no polygon.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +33,14 @@ pub enum Round {
     Sphere(Sphere),
     /// The side of a cylinder or a cone.
     Cone(Cone),
+    /// A bicubic patch.
+    Patch(Arc<Patch>),
+}
+
+impl From<Patch> for Round {
+    fn from(patch: Patch) -> Round {
+        Round::Patch(Arc::new(patch))
+    }
 }
 
 impl From<Disc> for Round {
@@ -54,7 +70,7 @@ impl Round {
     /// The fewest divisions: fewer make no elements worth the name.
     pub fn least_level(&self) -> u8 {
         match self {
-            Round::Disc(_) | Round::Sphere(_) => 2,
+            Round::Disc(_) | Round::Sphere(_) | Round::Patch(_) => 2,
             Round::Cone(_) => 3,
         }
     }
@@ -65,6 +81,7 @@ impl Round {
             Round::Disc(disc) => disc.point_at(u, v),
             Round::Sphere(sphere) => sphere.point_at(u, v),
             Round::Cone(cone) => cone.point_at(u, v),
+            Round::Patch(patch) => patch.point_at(u, v),
         }
     }
 
@@ -74,6 +91,7 @@ impl Round {
             Round::Disc(disc) => disc.uv_of(p),
             Round::Sphere(sphere) => sphere.uv_of(p),
             Round::Cone(cone) => cone.uv_of(p),
+            Round::Patch(patch) => patch.uv_of(p),
         }
     }
 
@@ -83,6 +101,15 @@ impl Round {
             Round::Disc(disc) => disc.normal,
             Round::Sphere(sphere) => sphere.turn() * (p - sphere.centre).normalize_or(DVec3::Z),
             Round::Cone(cone) => cone.turn() * cone.outwards(p),
+            Round::Patch(patch) => patch.normal(patch.uv_of(p)),
+        }
+    }
+
+    /// Unit normal, on the front, at `(u, v)`.
+    pub fn normal_of(&self, uv: DVec2) -> DVec3 {
+        match self {
+            Round::Patch(patch) => patch.normal(uv),
+            _ => self.normal_at(self.point_at(uv.x, uv.y)),
         }
     }
 
@@ -92,6 +119,11 @@ impl Round {
             Round::Disc(disc) => disc.normal.dot(p - disc.centre),
             Round::Sphere(sphere) => sphere.turn() * (p.distance(sphere.centre) - sphere.radius),
             Round::Cone(cone) => cone.turn() * cone.outside(p),
+            Round::Patch(patch) => {
+                let at = patch.uv_of(p);
+                let way = p - patch.point_at(at.x, at.y);
+                way.length().copysign(patch.normal(at).dot(way))
+            }
         }
     }
 
@@ -101,6 +133,23 @@ impl Round {
             Round::Disc(disc) => PI * disc.radius * disc.radius,
             Round::Sphere(sphere) => 4.0 * PI * sphere.radius * sphere.radius,
             Round::Cone(cone) => cone.area(),
+            Round::Patch(patch) => patch.area(),
+        }
+    }
+
+    /// Area of the square of (u, v) from `low` on, m².
+    pub fn cell_area(&self, low: DVec2, size: f64) -> f64 {
+        match self {
+            Round::Patch(patch) => patch.cell_area(low, size),
+            _ => self.area() * (size * size),
+        }
+    }
+
+    /// Area per unit of (u, v) at a place, m²; the same everywhere but on a patch.
+    pub fn stretch(&self, uv: DVec2) -> f64 {
+        match self {
+            Round::Patch(patch) => patch.stretch(uv),
+            _ => self.area(),
         }
     }
 
@@ -115,6 +164,7 @@ impl Round {
             Round::Disc(disc) => disc.centre,
             Round::Sphere(sphere) => sphere.centre,
             Round::Cone(cone) => 0.5 * (cone.base + cone.top),
+            Round::Patch(patch) => patch.bounds().centre(),
         }
     }
 
@@ -124,6 +174,7 @@ impl Round {
             Round::Disc(disc) => disc.radius,
             Round::Sphere(sphere) => sphere.radius,
             Round::Cone(cone) => cone.widest().hypot(0.5 * cone.height()),
+            Round::Patch(patch) => 0.5 * patch.bounds().size().length(),
         }
     }
 
@@ -133,6 +184,7 @@ impl Round {
             Round::Disc(disc) => disc.radius,
             Round::Sphere(sphere) => sphere.radius,
             Round::Cone(cone) => cone.widest().min(cone.height()),
+            Round::Patch(patch) => patch.lengths().min_element(),
         }
     }
 
@@ -141,10 +193,11 @@ impl Round {
         match self {
             Round::Disc(_) | Round::Sphere(_) => DVec2::splat(self.area().sqrt()),
             Round::Cone(cone) => DVec2::new(PI * (cone.radius + cone.top_radius), cone.slant()),
+            Round::Patch(patch) => patch.lengths(),
         }
     }
 
-    /// The smallest box around it.
+    /// The smallest box around it; a little more than that around a patch.
     pub fn bounds(&self) -> Aabb {
         match self {
             Round::Disc(disc) => disc.bounds(),
@@ -152,29 +205,52 @@ impl Round {
                 Aabb { min: *centre - *radius, max: *centre + *radius }
             }
             Round::Cone(cone) => cone.bounds(),
-        }
-    }
-
-    /// The ray parameters at which the line of `ray` crosses the surface, the first one first; NaN for those that
-    /// there are not.
-    pub fn crossings(&self, ray: &Ray) -> [f64; 2] {
-        match self {
-            Round::Disc(disc) => disc.crossings(ray),
-            Round::Sphere(sphere) => sphere.crossings(ray),
-            Round::Cone(cone) => cone.crossings(ray),
+            Round::Patch(patch) => patch.bounds(),
         }
     }
 
     /// The first crossing within the ray's limits.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<f64> {
-        self.crossings(ray).into_iter().find(|&t| t > ray.t_min && t < ray.t_max)
+        let crossings = match self {
+            Round::Disc(disc) => disc.crossings(ray),
+            Round::Sphere(sphere) => sphere.crossings(ray),
+            Round::Cone(cone) => cone.crossings(ray),
+            Round::Patch(patch) => return patch.intersect(ray),
+        };
+        crossings.into_iter().find(|&t| t > ray.t_min && t < ray.t_max)
+    }
+
+    /// How many parts rays are asked of one by one: a patch is cut into many, all else is one.
+    pub fn parts(&self) -> usize {
+        match self {
+            Round::Patch(patch) => patch.parts().len(),
+            _ => 1,
+        }
+    }
+
+    /// The smallest box around part number `part`; a little more than that of a patch.
+    pub fn part_bounds(&self, part: usize) -> Aabb {
+        match self {
+            Round::Patch(patch) => patch.parts()[part].bounds,
+            _ => self.bounds(),
+        }
+    }
+
+    /// The first crossing of part number `part` within the ray's limits. What is met first of all the parts is what
+    /// [`Round::intersect`] finds.
+    #[inline]
+    pub fn intersect_part(&self, part: usize, ray: &Ray) -> Option<f64> {
+        match self {
+            Round::Patch(patch) => patch.intersect_part(part, ray),
+            _ => self.intersect(ray),
+        }
     }
 
     /// Whether `side` is the outside of a convex surface: it hides nothing from points of that side that face it.
     pub fn looks_out(&self, side: Side) -> bool {
         match self {
-            Round::Disc(_) => false,
+            Round::Disc(_) | Round::Patch(_) => false,
             Round::Sphere(Sphere { inward, .. }) | Round::Cone(Cone { inward, .. }) => {
                 *inward == (side == Side::Back)
             }
@@ -185,7 +261,7 @@ impl Round {
     /// cylinder: the surface hides nothing in it from anything else in it.
     pub fn encloses(&self, p: DVec3) -> bool {
         match self {
-            Round::Disc(_) => false,
+            Round::Disc(_) | Round::Patch(_) => false,
             Round::Sphere(sphere) => p.distance(sphere.centre) <= sphere.radius,
             Round::Cone(cone) => cone.outside(p) <= 0.0,
         }
@@ -204,6 +280,7 @@ impl Round {
     pub fn placed(&self, local: impl Fn(DVec3) -> DVec3) -> Round {
         let stored = |radius: f64| f64::from(radius as f32);
         match *self {
+            Round::Patch(ref patch) => Patch::new(patch.net().map(|row| row.map(&local))).into(),
             Round::Disc(Disc { centre, normal, radius }) => {
                 Round::Disc(Disc { centre: local(centre), normal, radius: stored(radius) })
             }
@@ -224,6 +301,7 @@ impl Round {
     pub fn moved(&self, rotation: DMat3, offset: DVec3) -> Round {
         let place = |p: DVec3| rotation * p + offset;
         match *self {
+            Round::Patch(ref patch) => Patch::new(patch.net().map(|row| row.map(place))).into(),
             Round::Disc(Disc { centre, normal, radius }) => {
                 Round::Disc(Disc { centre: place(centre), normal: (rotation * normal).normalize(), radius })
             }
@@ -242,6 +320,7 @@ impl Round {
             Round::Cone(cone) => {
                 (0xc0 + u8::from(cone.inward), vec![cone.base, cone.top], vec![cone.radius, cone.top_radius])
             }
+            Round::Patch(patch) => (0xb0, patch.net().concat(), Vec::new()),
         };
         let numbers = places.into_iter().flat_map(|v| v.to_array()).chain(radii);
         std::iter::once(kind).chain(numbers.flat_map(f64::to_le_bytes)).collect()

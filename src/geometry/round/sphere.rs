@@ -48,7 +48,7 @@ impl Sphere {
 
     /// Both roots, by a form that neither loses the digits of a small discriminant nor of a near root (E. Haines,
     /// J. Günther and T. Akenine-Möller, *Precision Improvements for Ray/Sphere Intersection*, Ray Tracing Gems, 2019).
-    pub(super) fn crossings(&self, ray: &Ray) -> [f64; 2] {
+    pub(crate) fn crossings(&self, ray: &Ray) -> [f64; 2] {
         let (from, d) = (ray.origin - self.centre, ray.direction);
         let (a, b) = (d.length_squared(), -from.dot(d));
         let nearest = from + (b / a) * d;

@@ -87,7 +87,8 @@ impl LinkedSize {
     }
 }
 
-/// Solves over links at about each number of `points`, and over all pairs up to `full`.
+/// Solves over links at about each number of `points`, and over all pairs up to `full`; `tell` is told each size as soon as
+/// it is measured.
 ///
 /// # Errors
 /// Those of the stages; [`crate::error::Error::Settings`] when a number of points is too small for the scene.
@@ -95,14 +96,16 @@ pub fn linked_growth(
     scene: &Scene,
     settings: &Settings,
     links: &LinkSettings,
-    points: &[usize],
-    full: usize,
+    (points, full): (&[usize], usize),
+    tell: &mut dyn FnMut(&LinkedSize),
     observer: &dyn Observer,
 ) -> Result<LinkedGrowth> {
     let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let mut sizes = Vec::new();
     for &wanted in points {
-        sizes.push(size(scene, settings, links, wanted, wanted <= full, tracer.as_ref(), observer)?);
+        let size = size(scene, settings, links, wanted, wanted <= full, tracer.as_ref(), observer)?;
+        tell(&size);
+        sizes.push(size);
     }
     let of = |cost: &dyn Fn(&LinkedSize) -> f64| {
         exponent(&sizes.iter().map(|s| (s.points as f64, cost(s))).collect::<Vec<_>>())

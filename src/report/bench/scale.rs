@@ -62,7 +62,7 @@ pub struct Growth {
     pub exponent_of_light: f64,
 }
 
-/// Runs every stage at about each number of `points`.
+/// Runs every stage at about each number of `points`; `tell` is told each size as soon as it is measured.
 ///
 /// # Errors
 /// Those of the stages; [`Error::Settings`] when a number of points is too small for the scene.
@@ -70,12 +70,15 @@ pub fn growth(
     scene: &Scene,
     settings: &Settings,
     points: &[usize],
+    tell: &mut dyn FnMut(&Size),
     observer: &dyn Observer,
 ) -> Result<Growth> {
     let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let mut sizes = Vec::new();
     for &wanted in points {
-        sizes.push(size(scene, settings, wanted, tracer.as_ref(), observer)?);
+        let size = size(scene, settings, wanted, tracer.as_ref(), observer)?;
+        tell(&size);
+        sizes.push(size);
     }
     let of = |cost: &dyn Fn(&Size) -> f64| {
         exponent(&sizes.iter().map(|s| (s.points as f64, cost(s))).collect::<Vec<_>>())
@@ -184,11 +187,15 @@ mod tests {
     fn a_hall_grows_as_asked() {
         let scene = hall(2, 2);
         let settings = Settings::default();
-        let growth = growth(&scene, &settings, &[600, 2400], &Silent).unwrap();
+        let mut told = Vec::new();
+        let mut tell = |size: &Size| told.push(size.points);
+        let growth = growth(&scene, &settings, &[600, 2400], &mut tell, &Silent).unwrap();
+        assert_eq!(told, growth.sizes.iter().map(|size| size.points).collect::<Vec<_>>());
         for (size, wanted) in growth.sizes.iter().zip([600.0, 2400.0]) {
             assert!((size.points as f64 / wanted - 1.0).abs() < 0.25, "{}", size.points);
             assert!(size.residual < 1e-4 && size.stages.iter().all(|c| c.peak_memory_bytes > 0));
         }
-        assert!(super::growth(&scene, &settings, &[10], &Silent).is_err(), "fewer points than surfaces");
+        let few = super::growth(&scene, &settings, &[10], &mut |_| (), &Silent);
+        assert!(few.is_err(), "fewer points than surfaces");
     }
 }

@@ -52,7 +52,23 @@ pub struct Stages {
     pub second_pass: SecondPassRates,
 }
 
+/// A part of [`Stages`].
+#[derive(Clone, Copy, Debug)]
+pub enum Section<'a> {
+    /// The graph at one number of points.
+    Graph(&'a GraphBench),
+    /// The first pass at so many points; `None` where it is left out.
+    FirstPass(usize, Option<&'a FirstPassBench>),
+    /// The graph after the changes.
+    Moved(&'a MovedBench),
+    /// The second pass.
+    SecondPass(&'a SecondPassRates),
+    /// Ray tracers on the scene and on the hall.
+    Tracers([&'a TracerRates; 2]),
+}
+
 /// Measures all stages of `scene` at about each number of `points`, and the update of its graph to the scene `changed`.
+/// `tell` is told each section as soon as it is measured.
 ///
 /// # Errors
 /// Those of the stages; [`Error::Settings`] when no number of points is given, or one too small for the scene.
@@ -61,8 +77,13 @@ pub fn stages(
     changed: Option<&Scene>,
     settings: &Settings,
     points: &[usize],
+    tell: &mut dyn FnMut(Section),
     observer: &dyn Observer,
 ) -> Result<Stages> {
+    if points.is_empty() {
+        return Err(Error::Settings("give at least one number of points".into()));
+    }
+    let camera = scene.cameras.first().ok_or_else(|| Error::Settings("the scene has no camera".into()))?;
     let geometry = &scene.geometry;
     let tracer = tracers::choose(settings.tracer, geometry)?;
     let changes = usual_changes(&scene.appearance);
@@ -74,6 +95,7 @@ pub fn stages(
         let sampling = Sampling { refine_solid_angle: None, ..scene.sampling };
         let prepared = pipeline::prepare(geometry, &sampling, &settings, tracer.as_ref(), None, observer)?;
         let graph = graph::graph(geometry, &prepared.points, tracer.as_ref(), observer)?;
+        tell(Section::Graph(&graph));
         let specular = |s: &SurfaceId| scene.appearance.material(*s).is_specular();
         let n = prepared.points.len() as f64;
         let specular_points = prepared.points.surface.iter().filter(|s| specular(s)).count() as f64;
@@ -82,22 +104,22 @@ pub fn stages(
                 first_pass::measure(scene, &prepared, &settings, &changes, MOST_BYTES, REPEATS, observer)
             })
             .transpose()?;
+        tell(Section::FirstPass(prepared.points.len(), first_pass.as_ref()));
         let moved = changed.map(|c| moved((geometry, &prepared), c, &settings, observer)).transpose()?;
+        moved.iter().for_each(|moved| tell(Section::Moved(moved)));
         sizes.push(AtPoints { graph, first_pass, moved });
         if second_pass.is_none() {
             let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, observer)?;
-            let camera = scene.cameras.first();
-            let camera = camera.ok_or_else(|| Error::Settings("the scene has no camera".into()))?;
             let lit = pipeline::lit_scene(geometry, &prepared, &lit);
-            second_pass = Some(second_pass_rates(&lit, camera, tracer.as_ref(), &settings.second_pass)?);
+            let rates = second_pass_rates(&lit, camera, tracer.as_ref(), &settings.second_pass)?;
+            tell(Section::SecondPass(&rates));
+            second_pass = Some(rates);
         }
     }
+    let Some(second_pass) = second_pass else { unreachable!("there is a first number of points") };
     let [rows, columns] = LARGE_HALL;
-    Ok(Stages {
-        sizes,
-        tracers: tracer_rates(geometry, RAYS)?,
-        tracers_on_hall: tracer_rates(&hall(rows, columns).geometry, RAYS)?,
-        second_pass: second_pass
-            .ok_or_else(|| Error::Settings("give at least one number of points".into()))?,
-    })
+    let tracers = tracer_rates(geometry, RAYS)?;
+    let tracers_on_hall = tracer_rates(&hall(rows, columns).geometry, RAYS)?;
+    tell(Section::Tracers([&tracers, &tracers_on_hall]));
+    Ok(Stages { sizes, tracers, tracers_on_hall, second_pass })
 }

@@ -4,13 +4,13 @@
 //! of each of its pixels, (T₁ - J)(T₂ - J) - σ² is in the mean the square of what T is systematically wrong by, and
 //! (T₁ - T₂)² / 2 the variance of its noise: neither holds the judge's noise. What is left is how uncertain the first is.
 //!
-//! Pixels that show a lamp, and their neighbours, do not count for luminance: its own is given, not computed, and so much brighter than all that it
-//! lights that the steps along its edge would drown what is asked here.
+//! Pixels that show a lamp, and their neighbours, do not count for luminance: its own is given, not computed, and so much
+//! brighter than all that it lights that the steps along its edge would drown what is asked here.
 
 use crate::colour::{D65_WHITE, delta_e_2000, lab, linear_srgb_to_xyz};
 use crate::error::{Error, Result};
 use crate::output::{LinearImage, compare};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// An image that counts as true, but for its noise.
 #[derive(Clone, Debug)]
@@ -24,7 +24,7 @@ pub struct Judged {
 }
 
 /// What an image is wrong by. Luminances are those of the pixels that count, relative to the judge's mean over them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Root mean square error of luminance, the judge's noise taken off; 0 where that is more than all there is.
     pub rmse: f64,
@@ -167,7 +167,6 @@ mod tests {
             grey((0..N).map(move |p| truth(p) + off(p) + 0.2 * own[p]))
         };
         let errors = judged.errors(&[image(2), image(3)]).unwrap();
-        println!("{errors:?}");
         assert!((judged.relative_noise() / 0.05 - 1.0).abs() < 0.01);
         assert!((errors.systematic / 0.03 - 1.0).abs() < 0.05, "{errors:?}");
         assert!((errors.noise / 0.02 - 1.0).abs() < 0.02, "{errors:?}");

@@ -88,7 +88,7 @@ impl Judge {
             let reference = ReferenceSettings { samples: settings.samples, seed: 0 };
             let found =
                 reference::render(&scene.geometry, &appearance, camera, tracer, &reference, observer)?;
-            exr::write_with_noise(&own, &found.image, &ExrOptions::default(), &found.noise)?;
+            exr::write_with(&own, &found.image, &ExrOptions::default(), &[(exr::NOISE, &found.noise)])?;
         }
         let (image, noise) = exr::read_with_noise(path)?;
         let judged = judged((image, noise), (scene, camera), tracer, path)?;

@@ -1,7 +1,7 @@
 //! Which knobs are turned, and how far.
 
 use crate::first_pass::Kernel;
-use crate::points::Sampling;
+use crate::points::{LightRefinement, Sampling};
 use crate::scene::Scene;
 use crate::second_pass::Rung;
 use crate::settings::{Quality, Settings};
@@ -62,7 +62,9 @@ impl Trial {
     /// Tells sample points and graphs apart.
     pub fn key_of_points(&self) -> String {
         let s = &self.settings;
-        format!("{:?} {} {:?} {:?} {:?}", self.sampling, s.area_factor, s.voxels, s.links, s.tracer)
+        // Where the light decides on points, they depend on what it depends on.
+        let light = s.refinement.map(|refinement| format!("{refinement:?} {}", self.key_of_light()));
+        format!("{:?} {} {:?} {:?} {:?} {light:?}", self.sampling, s.area_factor, s.voxels, s.links, s.tracer)
     }
 
     /// Tells solutions over the same points apart.
@@ -155,6 +157,11 @@ impl List<'_> {
             self.add("solver tolerance", tolerance, |s, _| s.first_pass.tolerance = tolerance);
         }
         if full {
+            for tolerance in [0.1, 0.05] {
+                self.add("refinement by the light", tolerance, |s, _| {
+                    s.refinement = Some(LightRefinement { tolerance, ..LightRefinement::default() });
+                });
+            }
             for angle in [0.1, 0.03] {
                 self.add("refinement by solid angle", format!("{angle} sr"), |_, sampling| {
                     sampling.refine_solid_angle = Some(angle);

@@ -16,5 +16,5 @@ pub mod trial;
 pub use error::{Errors, Judged};
 pub use judge::Judge;
 pub use knobs::{Trial, trials};
-pub use table::Row;
+pub use table::{Against, Row, Took};
 pub use trial::Bench;

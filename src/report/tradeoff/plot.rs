@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (960, 600);
 pub enum Quantity {
     /// [`Row::known_error`], per cent.
     Luminance,
-    /// [`Row::delta_e_mean`].
+    /// [`Errors::delta_e_mean`](super::Errors::delta_e_mean).
     Colour,
 }
 
@@ -24,7 +24,7 @@ impl Quantity {
     fn of(self, row: &Row) -> f64 {
         match self {
             Quantity::Luminance => 100.0 * row.known_error(),
-            Quantity::Colour => row.delta_e_mean,
+            Quantity::Colour => row.errors.delta_e_mean,
         }
     }
 
@@ -32,7 +32,7 @@ impl Quantity {
     fn floor(self, row: &Row) -> f64 {
         match self {
             Quantity::Luminance => 0.0,
-            Quantity::Colour => row.delta_e_judge,
+            Quantity::Colour => row.against.delta_e_judge,
         }
     }
 
@@ -99,14 +99,14 @@ fn draw<DB: DrawingBackend>(
     area.fill(&WHITE)?;
     let font = |size: i32| ("sans-serif", size * unit).into_font();
     let (plot, legend) = area.split_horizontally((SIZE.0 as i32 - 230) * unit);
-    let mut knobs: Vec<&str> = rows.iter().map(|r| r.knob.as_str()).collect();
+    let mut knobs: Vec<&str> = rows.iter().map(|r| r.took.knob.as_str()).collect();
     knobs.sort_unstable();
     knobs.dedup();
     let colour = |knob: &str| {
         let at = knobs.iter().position(|k| *k == knob).unwrap_or(0);
         HSLColor(at as f64 / knobs.len().max(1) as f64, 0.75, if at % 2 == 0 { 0.42 } else { 0.6 }).to_rgba()
     };
-    let seconds = range(rows.iter().map(|r| r.processor_s));
+    let seconds = range(rows.iter().map(|r| r.took.processor_s));
     let errors = range(rows.iter().map(|r| quantity.of(r)));
     let mut chart = ChartBuilder::on(&plot)
         .margin(12 * unit)
@@ -126,7 +126,7 @@ fn draw<DB: DrawingBackend>(
         .axis_desc_style(font(15))
         .draw()?;
 
-    let place = |row: &Row| (row.processor_s, quantity.of(row));
+    let place = |row: &Row| (row.took.processor_s, quantity.of(row));
     let drawn = |row: &&Row| {
         let (s, error) = place(row);
         seconds.contains(&s) && errors.contains(&error)
@@ -138,7 +138,7 @@ fn draw<DB: DrawingBackend>(
         .filter_map(|(row, on)| on.then_some(row))
         .filter(drawn)
         .collect();
-    front.sort_by(|a, b| a.processor_s.total_cmp(&b.processor_s));
+    front.sort_by(|a, b| a.took.processor_s.total_cmp(&b.took.processor_s));
     let thin = |width: i32| ShapeStyle {
         color: BLACK.to_rgba(),
         filled: false,
@@ -146,7 +146,7 @@ fn draw<DB: DrawingBackend>(
     };
     chart.draw_series(LineSeries::new(front.iter().map(|r| place(r)), thin(1)))?;
     for row in rows.iter().filter(drawn) {
-        let fill = ShapeStyle { filled: true, ..colour(&row.knob).into() };
+        let fill = ShapeStyle { filled: true, ..colour(&row.took.knob).into() };
         chart.draw_series([Circle::new(place(row), 4 * unit, fill)])?;
     }
     for row in &front {

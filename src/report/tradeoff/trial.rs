@@ -3,8 +3,8 @@
 use super::judge::Judge;
 use super::knobs::Trial;
 use super::sensors::{self, Worst};
-use super::table::Row;
-use crate::error::Result;
+use super::table::{Against, Row, Took};
+use crate::error::{Error, Result};
 use crate::first_pass::DiffuseSolution;
 use crate::observer::Observer;
 use crate::pipeline::{self, Prepared};
@@ -53,6 +53,8 @@ pub enum Outcome {
     Measured(Box<Row>),
     /// It was left out: it would take about so long, s.
     TooLong(f64),
+    /// It was left out: this scene cannot have these settings, and why.
+    Refused(String),
 }
 
 impl<'a> Bench<'a> {
@@ -91,8 +93,15 @@ impl<'a> Bench<'a> {
     /// Measures a trial.
     ///
     /// # Errors
-    /// Those of [`pipeline`].
+    /// Those of [`pipeline`] but for [`Error::Settings`], which is [`Outcome::Refused`].
     pub fn run(&mut self, trial: &Trial, observer: &dyn Observer) -> Result<Outcome> {
+        match self.measure(trial, observer) {
+            Err(Error::Settings(why)) => Ok(Outcome::Refused(why)),
+            outcome => outcome,
+        }
+    }
+
+    fn measure(&mut self, trial: &Trial, observer: &dyn Observer) -> Result<Outcome> {
         let geometry = &self.scene.geometry;
         if let Some(s) = self.expected(trial)?.filter(|s| *s > self.longest_s) {
             return Ok(Outcome::TooLong(s));
@@ -102,8 +111,10 @@ impl<'a> Bench<'a> {
             (self.prepared, self.lit) = (None, None);
             let mut cost = Cost::default();
             let (sampling, settings) = (&trial.sampling, &trial.settings);
+            let (tracer, appearance) = (self.tracer, &self.scene.appearance);
             let product = timed(&mut cost, || {
-                pipeline::prepare(geometry, sampling, settings, self.tracer, None, observer)
+                let coarse = pipeline::prepare(geometry, sampling, settings, tracer, None, observer)?;
+                pipeline::refine_by_light(geometry, coarse, appearance, sampling, settings, tracer, observer)
             })?;
             self.prepared = Some(Kept { key, product, cost });
         }
@@ -150,7 +161,7 @@ impl<'a> Bench<'a> {
         let second_pass_s = costs[0].s.min(costs[1].s);
         let second_pass_cpu_s = 0.5 * (costs[0].cpu_s + costs[1].cpu_s);
         let worst = lit.product.worst.as_ref();
-        Ok(Row {
+        let took = Took {
             knob: trial.knob.clone(),
             value: trial.value.clone(),
             on_front: false,
@@ -166,22 +177,16 @@ impl<'a> Bench<'a> {
                 .map(|c| c.peak_memory_bytes)
                 .into_iter()
                 .fold(0, u64::max),
-            rmse: errors.rmse,
-            rmse_low: errors.rmse_low,
-            rmse_high: errors.rmse_high,
-            systematic: errors.systematic,
-            noise: errors.noise,
-            mean: errors.mean,
-            rmse_all: errors.rmse_all,
-            delta_e_mean: errors.delta_e_mean,
-            delta_e_95: errors.delta_e_95,
+        };
+        let against = Against {
             delta_e_judge: self.judge.judged.delta_e_of_noise(),
             judge_noise: self.judge.judged.relative_noise(),
             worst_sensor: worst.map(|w| w.name.clone()),
             worst_sensor_error: worst.map(|w| w.error),
             worst_sensor_judge_noise: worst.map(|w| w.judge_noise),
             key: self.key(trial),
-        })
+        };
+        Ok(Row { took, errors, against })
     }
 
     /// The sensor that is most wrong under this light.
@@ -217,5 +222,46 @@ impl<'a> Bench<'a> {
         let growth = before
             .map_or(GROWTH, |(&fewer, &less)| (s / less.max(1e-3)).ln() / (last as f64 / fewer as f64).ln());
         Ok(Some(s * (n as f64 / last as f64).powf(growth.max(GROWTH))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Judged;
+    use super::*;
+    use crate::observer::Silent;
+    use crate::output::LinearImage;
+    use crate::report::bench::hall::hall;
+    use crate::settings::Settings;
+    use crate::tracers::{self, TracerChoice};
+    use crate::visibility::LinkSettings;
+
+    #[test]
+    fn what_a_scene_cannot_have_is_left_out_with_its_reason() {
+        let mut scene = hall(1, 1);
+        scene.sampling.refine_solid_angle = Some(1.0);
+        let camera = Camera { resolution: [4, 3], ..scene.cameras[0].clone() };
+        let tracer = tracers::choose(TracerChoice::Auto, &scene.geometry).unwrap();
+        let judged = Judged {
+            image: LinearImage { width: 4, height: 3, rgb: vec![1.0; 36] },
+            noise: vec![0.0; 12],
+            counts: vec![true; 12],
+        };
+        let judge = Judge { judged, sensors: Vec::new(), key: String::new(), kept: false };
+        let mut bench = Bench::new((&scene, &camera), tracer.as_ref(), &judge, f64::INFINITY);
+        let trial = |change: &dyn Fn(&mut Settings)| {
+            let mut settings = Settings { area_factor: 16.0, ..Settings::default() };
+            change(&mut settings);
+            Trial { knob: "k".into(), value: "v".into(), settings, sampling: scene.sampling }
+        };
+        let mut refused = |change: &dyn Fn(&mut Settings)| match bench.run(&trial(change), &Silent).unwrap() {
+            Outcome::Refused(why) => Some(why),
+            Outcome::Measured(_) => None,
+            other => panic!("{other:?}"),
+        };
+        let links = refused(&|s| s.links = Some(LinkSettings::default()));
+        assert!(links.unwrap().contains("refine_solid_angle"));
+        assert!(refused(&|s| s.area_factor = 1e-9).unwrap().contains("sample points"));
+        assert_eq!(refused(&|_| ()), None);
     }
 }

@@ -62,6 +62,12 @@ pub fn dress(model: &mut Model, described: Vec<Described>) {
                 decided.entry(what).or_default().push(name.clone());
             }
         }
+        if look.is_too_light() {
+            decided.entry("reflectances are held to 0.95 in all").or_default().push(name.clone());
+        }
+        if look.is_wide() {
+            decided.entry("gloss so rough that it is taken for diffuse").or_default().push(name.clone());
+        }
         let table = look.table(made, place);
         model.materials.push(Material { name, table, file });
     }

@@ -4,6 +4,7 @@
 use super::super::description::{CameraTable, LightTable, SpectrumRef};
 use super::super::source::{MAX_OBJ_BYTES, Source, Sources};
 use super::buffers::Buffers;
+use super::census;
 use super::dress::dress;
 use super::gltf_materials;
 use super::mesh::{Corner, Model, NO_NORMAL, Part, Place, Polygons, START, error_at};
@@ -22,6 +23,8 @@ use toml::Spanned;
 
 /// More faces than this are refused: a small file can ask for many by naming one mesh often.
 const MOST_FACES: usize = 4_000_000;
+/// Vertices at most, those that no triangle uses too.
+const MOST_VERTICES: usize = 3 * MOST_FACES;
 /// Nodes may stand below each other so deep.
 const DEEPEST: usize = 1000;
 
@@ -46,6 +49,7 @@ pub fn read(path: &Path, sources: &mut Sources) -> Result<Model> {
     let base = sources.add(Source { path: path.to_path_buf(), text: String::new() });
     let fault = |message: String| error_at(path, START, message);
     let (json, binary) = parts(bytes).map_err(fault)?;
+    census::check(&json).map_err(fault)?;
     let mut root: Root = serde_json::from_slice(&json).map_err(|e| {
         let place = Place { line: e.line().max(1) as u32, column: e.column().max(1) as u32 };
         let message = e.to_string();
@@ -263,8 +267,8 @@ impl Reader<'_> {
             return Err(format!("there are more than {MOST_FACES} triangles; leave some out"));
         }
         let first = self.model.vertices.len();
-        if first + positions.len() > u32::MAX as usize / 2 {
-            return Err("there are more vertices than can be counted; leave some out".into());
+        if first + positions.len() > MOST_VERTICES {
+            return Err(format!("there are more than {MOST_VERTICES} vertices; leave some out"));
         }
         for p in &positions {
             let p = place.transform_point3(*p);

@@ -21,6 +21,13 @@ pub struct Look {
     pub two_sided: bool,
 }
 
+/// No opaque surface turns more of the light back at normal incidence: white paint is at 0.85 to 0.9, and where files say
+/// 1 light would go round for ever.
+pub const LIGHTEST: f64 = 0.95;
+
+/// A lobe as rough as this, m, is as good as diffuse.
+pub const WIDE: f64 = 0.5;
+
 /// What it does with light.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
@@ -89,6 +96,16 @@ impl Look {
         table
     }
 
+    /// Whether it reflects more than anything does, and is taken for less.
+    pub fn is_too_light(&self) -> bool {
+        matches!(self.body, Body::Opaque { diffuse, specular, .. } if excess(diffuse, specular) > 1.0)
+    }
+
+    /// Whether it reflects by a lobe that is as good as diffuse, and is taken for that.
+    pub fn is_wide(&self) -> bool {
+        matches!(self.body, Body::Opaque { specular, m, .. } if m >= WIDE && specular != [0.0; 3])
+    }
+
     /// Whether it is glass.
     pub fn is_glass(&self) -> bool {
         matches!(self.body, Body::Glass { .. })
@@ -121,18 +138,27 @@ impl Place {
     }
 }
 
+fn largest(rgb: Rgb) -> f64 {
+    rgb[0].max(rgb[1]).max(rgb[2])
+}
+
+/// By how much too much is reflected; 1 where it is not.
+fn excess(diffuse: Rgb, specular: Rgb) -> f64 {
+    ((largest(diffuse) + largest(specular)) / LIGHTEST).max(1.0)
+}
+
 /// A diffuse body under a specular surface. Our model is s F R^s + (1 - s) R^d: the specular share s is as large as the
 /// diffuse albedo leaves room for, and F at normal incidence as much larger than `specular`. So what
-/// the surface reflects at normal incidence and what the body scatters are both what the file says, no more than all light
+/// the surface reflects at normal incidence and what the body scatters are both what the file says, no more than [`LIGHTEST`]
 /// comes back, and only the rise towards grazing incidence ends at s instead of 1.
 fn opaque(table: &mut MaterialTable, diffuse: Rgb, specular: Rgb, index: Option<f64>, m: f64, at: Place) {
-    let largest = |rgb: Rgb| rgb[0].max(rgb[1]).max(rgb[2]);
-    if largest(specular) <= 0.0 {
-        table.reflectance = Some(at.colour(diffuse));
+    let excess = excess(diffuse, specular);
+    let (diffuse, specular) = (diffuse.map(|x| x / excess), specular.map(|x| x / excess));
+    if largest(specular) <= 0.0 || m >= WIDE {
+        let both = [0, 1, 2].map(|c| diffuse[c] + specular[c]);
+        table.reflectance = Some(at.colour(both));
         return;
     }
-    let excess = (largest(diffuse) + largest(specular)).max(1.0);
-    let (diffuse, specular) = (diffuse.map(|x| x / excess), specular.map(|x| x / excess));
     let body = largest(diffuse);
     let s = 1.0 - body;
     let share = |x: f64, of: f64| if of > 0.0 { (x / of).clamp(0.0, 1.0) } else { 0.0 };
@@ -176,8 +202,21 @@ mod tests {
         let Some(FresnelRef::Table(fresnel)) = table.fresnel.map(Spanned::into_inner) else { panic!() };
         let Some(SpectrumRef::Rgb(normal)) = fresnel.normal.map(Spanned::into_inner) else { panic!() };
         assert!((s * normal[0] - 0.04).abs() < 1e-15);
-        // What reflects more than all is brought down to all.
-        let table = look([0.9; 3], [0.6; 3]).table(Shell::Sheet, 0);
-        assert!((table.specular.expect("it is glossy").get_ref() - 0.4).abs() < 1e-15);
+        // What reflects more than anything does is brought down.
+        let light = look([0.9; 3], [0.6; 3]);
+        let table = light.table(Shell::Sheet, 0);
+        assert!(light.is_too_light() && !look([0.6; 3], [0.04; 3]).is_too_light());
+        assert!((table.specular.expect("it is glossy").get_ref() - (1.0 - LIGHTEST * 0.6)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn wide_lobes_are_diffuse_and_reflect_as_much() {
+        let body = Body::Opaque { diffuse: [0.6, 0.3, 0.0], specular: [0.04; 3], index: None, m: WIDE };
+        let look = Look { body, emission: [0.0; 3], two_sided: false };
+        assert!(look.is_wide());
+        let table = look.table(Shell::Sheet, 0);
+        assert!(table.specular.is_none());
+        let Some(SpectrumRef::Rgb(body)) = table.reflectance.map(Spanned::into_inner) else { panic!() };
+        assert!((0..3).all(|c| (body[c] - [0.64, 0.34, 0.04][c]).abs() < 1e-15));
     }
 }

@@ -3,6 +3,7 @@
 use super::super::description::{CameraTable, LightTable, MaterialTable};
 use super::polygon;
 use crate::error::Error;
+use crate::sets::Sets;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -129,8 +130,8 @@ impl Model {
         if made.smooth > 0 {
             let smooth = made.smooth;
             self.note(format_args!(
-                "{smooth} faces are smooth by their normals: diffuse light is interpolated across their edges, \
-                 mirrors and glass stay facets"
+                "{smooth} faces are smooth by their normals: diffuse light is interpolated across their edges, and \
+                 mirrors and glass in views reflect smoothly"
             ));
         }
     }
@@ -250,30 +251,4 @@ fn join_smooth(faces: &mut [Face], normals: &[[u32; 4]], vertices: &[DVec3], wel
     bent.sort_unstable();
     bent.dedup();
     bent.len()
-}
-
-/// Disjoint sets of numbers.
-pub struct Sets(Vec<u32>);
-
-impl Sets {
-    /// Every number below `count` by itself.
-    pub fn new(count: usize) -> Sets {
-        Sets((0..count as u32).collect())
-    }
-
-    /// The number that stands for the set of `i`: its least.
-    pub fn of(&mut self, mut i: u32) -> u32 {
-        while self.0[i as usize] != i {
-            let above = self.0[self.0[i as usize] as usize];
-            self.0[i as usize] = above;
-            i = above;
-        }
-        i
-    }
-
-    /// Makes one set of the sets of `a` and `b`.
-    pub fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.of(a), self.of(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }

@@ -4,6 +4,7 @@
 //! what a scene file or a changes file says goes over them as over its own.
 
 mod buffers;
+mod census;
 mod dress;
 mod gltf;
 mod gltf_materials;

@@ -7,7 +7,7 @@ use super::mesh::{Corner, Model, NO_NORMAL, Part, Place, Polygons, error_at};
 use super::{mtl, note};
 use crate::error::{Error, Result};
 use glam::DVec3;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::Path;
 
 /// More corners than this no polygon has.
@@ -19,6 +19,7 @@ pub fn read(path: &Path, sources: &mut Sources) -> Result<Model> {
     let (mut model, libraries) = Parser::new(path).parse(&source.text)?;
     drop(source);
     let mut described: Vec<Described> = Vec::new();
+    let mut known = HashSet::new();
     model.with_defaults = !libraries.is_empty();
     for library in libraries {
         let Some(file) = library.candidates.iter().map(|name| super::beside(path, name)).find(|f| f.exists())
@@ -27,6 +28,9 @@ pub fn read(path: &Path, sources: &mut Sources) -> Result<Model> {
             model.note(format_args!("there is no material file {names}: materials it would define are grey"));
             continue;
         };
+        if !known.insert(file.clone()) {
+            continue;
+        }
         let (defined, notes) = match mtl::read(&file, sources) {
             Ok(read) => read,
             Err(Error::Io { message, .. }) => {

@@ -1,7 +1,8 @@
 //! Whether glass is a body or a sheet: what its faces enclose.
 
-use super::mesh::{Face, weld};
-use glam::DVec3;
+use super::mesh::Face;
+use crate::geometry::Aabb;
+use glam::{DVec3, I64Vec3};
 use std::collections::HashMap;
 
 /// What the faces of a material make.
@@ -23,13 +24,17 @@ pub enum Shell {
     Sheet,
 }
 
+/// Corners are one where they are no further apart than this share of all that the faces take up: programs that write
+/// the seam of a sphere twice do not come out at the same place to the bit.
+const ONE_PLACE: f64 = 1e-5;
+
 /// What `faces` make. `lights` are places of light, in the same coordinates: one for each surface that emits.
 pub fn shell(faces: &[&Face], vertices: &[DVec3], lights: &[DVec3]) -> Shell {
     let mut used: Vec<u32> = faces.iter().flat_map(|f| f.corners).collect();
     used.sort_unstable();
     used.dedup();
     let places: Vec<DVec3> = used.iter().map(|&v| vertices[v as usize]).collect();
-    let welded = weld(&places);
+    let welded = near(&places);
     let number = |v: u32| welded[used.partition_point(|&u| u < v)];
     // Of a closed surface every edge is passed as often one way as the other.
     let mut edges: HashMap<(u32, u32), [u32; 2]> = HashMap::new();
@@ -62,6 +67,26 @@ pub fn shell(faces: &[&Face], vertices: &[DVec3], lights: &[DVec3]) -> Shell {
         return Shell::Bulb;
     }
     if volume > 0.0 { Shell::Solid { mean_chord } } else { Shell::InsideOut { mean_chord } }
+}
+
+/// Per place the first one that is as good as the same.
+fn near(places: &[DVec3]) -> Vec<u32> {
+    let bounds = Aabb::around(places.iter().copied());
+    let apart = ONE_PLACE * bounds.size().max_element();
+    let cell = |p: DVec3| ((p - bounds.min) / apart.max(f64::MIN_POSITIVE)).round().as_i64vec3();
+    let mut known: HashMap<I64Vec3, Vec<u32>> = HashMap::with_capacity(places.len());
+    let mut first = Vec::with_capacity(places.len());
+    for (i, &place) in places.iter().enumerate() {
+        let own = cell(place);
+        let around = (0..27i64).map(|k| own + I64Vec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+        let same = |&&j: &&u32| places[j as usize].distance(place) <= apart;
+        let found = around.filter_map(|c| known.get(&c)?.iter().find(same).copied()).min();
+        if found.is_none() {
+            known.entry(own).or_default().push(i as u32);
+        }
+        first.push(found.unwrap_or(i as u32));
+    }
+    first
 }
 
 /// Whether a ray from `p` in an odd direction leaves the closed surface of `triangles` an odd number of times.

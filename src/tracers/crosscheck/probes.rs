@@ -167,7 +167,7 @@ impl Random {
         let vertices = surface.vertices();
         match surface.round() {
             Some(Round::Disc(_)) => return self.point_on_border(surface),
-            Some(round @ Round::Cone(_)) => {
+            Some(round @ (Round::Cone(_) | Round::Patch(_))) => {
                 let touching = if self.below(2) == 0 { None } else { self.touching_point(round, a) };
                 return touching.unwrap_or_else(|| self.point_on_border(surface));
             }

@@ -5,7 +5,7 @@ use super::packet::{EMPTY_PACKET, Filling};
 use super::query::{Frame, Pack, Span, single};
 use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, Rounds, lux_hit, lux_ray, lux_round};
 use crate::error::{Error, Result};
-use crate::geometry::{Hit, Ray, Surface, SurfaceId};
+use crate::geometry::{Aabb, Hit, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
 use crate::tracers::brute_force::{self, BruteForce};
@@ -84,12 +84,12 @@ impl EmbreeTracer {
                     return Err(Error::Tracer(format!("surface {i} is no place: {round:?}")));
                 }
                 let in_unit_scene = |corner: DVec3| (f64::from(scale) * corner).to_array();
-                rounds.push(lux_round {
-                    low: in_unit_scene(bounds.min),
-                    high: in_unit_scene(bounds.max),
-                    surface: i as u32,
-                });
-                shapes.push(round.clone());
+                for part in 0..round.parts() {
+                    let Aabb { min, max } = round.part_bounds(part);
+                    let (low, high) = (in_unit_scene(min), in_unit_scene(max));
+                    rounds.push(lux_round { low, high, surface: i as u32, part: part as u32 });
+                    shapes.push((round.clone(), part));
+                }
                 continue;
             }
             let first = vertices.len() as u32;

@@ -2,7 +2,7 @@
 
 use super::query::{Frame, LIMIT_ULPS, Span, length_bound};
 use super::raw::lux_hit;
-use crate::geometry::{Aabb, Hit, Ray, Side, Surface, SurfaceId};
+use crate::geometry::{Aabb, Hit, Ray, Round, Side, Surface, SurfaceId};
 use crate::tracers::brute_force::side_met;
 use glam::DVec3;
 
@@ -38,7 +38,7 @@ impl Face {
     #[inline(always)]
     pub fn confirm(&self, ray: &Ray, span: &Span, found: lux_hit, frame: &Frame) -> Option<f64> {
         let rough = span.parameter(found.t, frame);
-        let exact = self.parameter(ray, found.half, rough, 1e-3 * frame.radius * span.shrink);
+        let exact = self.parameter(ray, found.part, rough, 1e-3 * frame.radius * span.shrink);
         let t = if (exact - rough).abs() <= 1e-3 * frame.radius * span.shrink { exact } else { rough };
         let at = ray.at(t);
         let slack = 8.0 * f64::EPSILON * length_bound(ray.origin);
@@ -50,14 +50,18 @@ impl Face {
     /// Where `ray` crosses the plane of the triangle met, or what is no polygon within `reach` of `rough`, by the same
     /// formula as the brute force tracer; not finite if it runs along it.
     #[inline(always)]
-    fn parameter(&self, ray: &Ray, half: u32, rough: f64, reach: f64) -> f64 {
+    fn parameter(&self, ray: &Ray, part: u32, rough: f64, reach: f64) -> f64 {
         match &self.round {
             Some(surface) => {
                 let limits = Ray { t_min: ray.t_min.max(rough - reach), t_max: rough + reach, ..*ray };
-                surface.round().and_then(|round| round.intersect(&limits)).unwrap_or(f64::NAN)
+                // Close to its border another part may be met instead.
+                let met = |round: &Round| {
+                    round.intersect_part(part as usize, &limits).or_else(|| round.intersect(&limits))
+                };
+                surface.round().and_then(met).unwrap_or(f64::NAN)
             }
             None => {
-                let [a, normal] = self.planes[usize::from(half == 1)];
+                let [a, normal] = self.planes[usize::from(part == 1)];
                 normal.dot(a - ray.origin) / normal.dot(ray.direction)
             }
         }

@@ -28,7 +28,7 @@ pub const EMPTY_RAY: lux_ray =
     lux_ray { origin: [0.0; 3], t_min: 0.0, direction: [0.0, 0.0, 1.0], t_max: -1.0 };
 
 /// What [`Scene::closest`] gives for a ray that hits nothing.
-pub const NO_HIT: lux_hit = lux_hit { t: 0.0, surface: LUX_MISS, half: 0 };
+pub const NO_HIT: lux_hit = lux_hit { t: 0.0, surface: LUX_MISS, part: 0 };
 
 /// The version of the loaded library, 10000 major + 100 minor + patch, or `None` if it refuses to start.
 pub fn version() -> Option<u32> {
@@ -44,10 +44,10 @@ pub struct Scene {
     _rounds: Box<Rounds>,
 }
 
-/// The surfaces that are no quads, in the order of their numbers.
+/// The parts of the surfaces that are no quads, in the order of their numbers.
 pub struct Rounds {
-    /// At their own size.
-    pub shapes: Vec<Round>,
+    /// At their own size, each with the number of a part.
+    pub shapes: Vec<(Round, usize)>,
     /// Lengths in Embree's scene over lengths in ours: a power of two.
     pub scale: f64,
 }
@@ -65,7 +65,7 @@ extern "C" fn meet(rounds: *const c_void, index: u64, ray: *const lux_ray, t: *m
         t_min: f64::from(ray.t_min),
         t_max: f64::from(ray.t_max),
     };
-    match rounds.shapes.get(index as usize).and_then(|round| round.intersect(&ray)) {
+    match rounds.shapes.get(index as usize).and_then(|(round, part)| round.intersect_part(*part, &ray)) {
         Some(met) => {
             *t = met as f32;
             1

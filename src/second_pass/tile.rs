@@ -1,0 +1,65 @@
+//! Pixels that are traced together, the work of one task.
+
+use super::eye::Look;
+use super::scatter::{Film, Scatterer};
+use super::sequence::mix;
+use super::wave::{Fresh, Wave};
+use crate::geometry::Hit;
+use crate::scene::View;
+use crate::simd::wide;
+use crate::tracers::RayTracer;
+use std::ops::Range;
+
+/// Pixel samples that are traced together, at most: enough to feed a tracer with packets, few enough for their rays,
+/// hits and throughputs to stay in a core's own cache.
+const BATCH: usize = 1024;
+
+/// Room for the waves of a tile, to be used again for the next.
+#[derive(Default)]
+pub(super) struct Room {
+    wave: Wave,
+    next: Wave,
+    hits: Vec<Option<Hit>>,
+}
+
+/// What every tile needs to know.
+pub(super) struct Tiler<'a> {
+    pub scatterer: Scatterer<'a>,
+    pub tracer: &'a dyn RayTracer,
+    pub view: View,
+    /// A surface nearer to the eye is the one it stands on, and not seen, m.
+    pub near: f64,
+    /// Pixels in a row of the image.
+    pub width: usize,
+    /// Wavelengths.
+    pub w: usize,
+}
+
+impl Tiler<'_> {
+    /// What these points of the sequences of the pixels at `places` (column and row) find, summed. Each `replicate` has its own
+    /// randomness.
+    pub fn trace(&self, places: &[[u32; 2]], replicate: u32, points: Range<u32>, room: &mut Room) -> Film {
+        let seed = mix(self.scatterer.settings.seed);
+        let seed = if replicate == 0 { seed } else { mix(seed.wrapping_add(replicate)) };
+        let seeds = places.iter().map(|&[x, y]| mix((y as usize * self.width + x as usize) as u32 ^ seed));
+        let mut film = Film::new(seeds.collect(), self.w);
+        let Room { wave, next, hits } = room;
+        let together = (BATCH / places.len().max(1)).max(1) as u32;
+        for first in points.clone().step_by(together as usize) {
+            let count = together.min(points.end - first);
+            wave.clear();
+            let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
+            wide(Look { view, near: self.near, places, seeds, first, count, rays });
+            wave.fresh = Some(Fresh { first, count });
+            film.stats.camera_rays += wave.rays.len() as u64;
+            // Every wave is one specular event deeper, so this ends at the depth limit.
+            while !wave.rays.is_empty() {
+                hits.resize(wave.rays.len(), None);
+                self.tracer.closest_batch(&wave.rays, hits);
+                self.scatterer.meet(wave, hits, &mut film, next);
+                std::mem::swap(wave, next);
+            }
+        }
+        film
+    }
+}
