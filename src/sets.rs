@@ -19,6 +19,11 @@ impl Sets {
         i
     }
 
+    /// [`Sets::of`] of every number.
+    pub fn all(mut self) -> Vec<u32> {
+        (0..self.0.len() as u32).map(|i| self.of(i)).collect()
+    }
+
     /// Makes one set of the sets of `a` and `b`.
     pub fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.of(a), self.of(b));

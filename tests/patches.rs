@@ -1,10 +1,12 @@
 //! Are bicubic patches right where another shape, or a closed form, says what is right?
 
+#[path = "support/furnace.rs"]
+mod furnace;
+
 use glam::{DVec2, DVec3};
 use luxgraph::geometry::{Patch, Ray, Round, Shape, Sphere};
 use luxgraph::observer::Silent;
 use luxgraph::scene::{Geometry, ObjectId, Scene};
-use luxgraph::second_pass::SecondPassSettings;
 use luxgraph::settings::Settings;
 use luxgraph::tracers::brute_force::intersect_surface;
 use luxgraph::tracers::{TracerChoice, choose};
@@ -181,22 +183,7 @@ fn a_furnace_with_patches_is_one_even_picture() {
          resolution = [64, 64]\n"
     ))
     .expect("loads");
-    let settings = Settings::default();
-    for choice in [TracerChoice::Voxel, TracerChoice::Auto] {
-        let tracer = choose(choice, &scene.geometry).unwrap();
-        let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
-        let prepared =
-            pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).unwrap();
-        let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).unwrap();
-        let passes = SecondPassSettings { samples: 4, ..Default::default() };
-        let (image, _) =
-            pipeline::view(geometry, &prepared, &lit, &scene.cameras[0], tracer, &passes, &Silent).unwrap();
-        let w = image.wavelengths.len();
-        let pixel = |k: usize| f64::from(image.radiance[k * w]);
-        let worst = (0..64 * 64).map(|k| (pixel(k) / 10.0 - 1.0).abs()).fold(0.0, f64::max);
-        println!("{}: worst {worst}", tracer.name());
-        assert!(worst < 0.005, "{}: {worst}", tracer.name());
-    }
+    furnace::is_even(&scene, 10.0);
 }
 
 #[test]

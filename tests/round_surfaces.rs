@@ -1,14 +1,16 @@
 //! Are discs, spheres, cylinders, cones and patches the true surfaces in every stage: points, graph, interpolation and view?
 
+#[path = "support/furnace.rs"]
+mod furnace;
+
 use glam::DVec3;
 use luxgraph::first_pass::DiffuseSolution;
 use luxgraph::geometry::{Cone, Disc, Patch, Round, Shape, Side, Sphere, SurfaceId};
 use luxgraph::observer::Silent;
-use luxgraph::pipeline;
 use luxgraph::points::facing::face_each_other;
 use luxgraph::points::{Cell, Element, SamplePoints, Sampling, divide_by_area};
 use luxgraph::scene::{Geometry, ObjectId};
-use luxgraph::second_pass::{DiffuseField, Interpolator, SecondPassSettings};
+use luxgraph::second_pass::{DiffuseField, Interpolator};
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Verdict, judge};
@@ -324,23 +326,7 @@ resolution = [96, 96]
 "#;
     std::fs::write(&path, scene).expect("written");
     let scene = luxgraph::scene::load(&path).expect("loads");
-    let settings = luxgraph::settings::Settings::default();
-    let voxel = choose(TracerChoice::Voxel, &scene.geometry).unwrap();
-    let other = choose(TracerChoice::Auto, &scene.geometry).unwrap();
-    for tracer in [voxel, other] {
-        let (geometry, tracer) = (&scene.geometry, tracer.as_ref());
-        let prepared =
-            pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).unwrap();
-        let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).unwrap();
-        let passes = SecondPassSettings { samples: 4, ..Default::default() };
-        let (image, _) =
-            pipeline::view(geometry, &prepared, &lit, &scene.cameras[0], tracer, &passes, &Silent).unwrap();
-        let w = image.wavelengths.len();
-        let pixel = |x: usize, y: usize| f64::from(image.radiance[(y * 96 + x) * w]);
-        let worst = (0..96 * 96).map(|k| (pixel(k % 96, k / 96) / 10.0 - 1.0).abs()).fold(0.0, f64::max);
-        println!("{}: worst {worst}", tracer.name());
-        assert!(worst < 0.005, "{}: {worst}", tracer.name());
-    }
+    furnace::is_even(&scene, 10.0);
 }
 
 #[test]

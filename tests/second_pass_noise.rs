@@ -1,14 +1,20 @@
 //! Is the noise that an image is said to have the noise that it has, and is it as low as asked?
 
+#[path = "support/folder.rs"]
+mod folder;
+#[path = "support/lit.rs"]
+mod lit;
+
+use folder::Folder;
+use lit::Lit;
 use luxgraph::error::Error;
-use luxgraph::first_pass::DiffuseSolution;
 use luxgraph::observer::Silent;
-use luxgraph::pipeline::{self, Prepared};
-use luxgraph::scene::{SampledAppearance, Scene, load};
+use luxgraph::pipeline;
+use luxgraph::scene::load;
 use luxgraph::second_pass::{NoiseTarget, Rendered, Rung, render_with_checkpoint};
 use luxgraph::settings::Settings;
 use luxgraph::spectrum::Wavelengths;
-use luxgraph::tracers::{TracerChoice, choose};
+use luxgraph::tracers::TracerChoice;
 
 /// A room with a lamp under its ceiling, a shelf that throws a soft shadow, and a far wall.
 fn room(far: &str) -> String {
@@ -55,41 +61,25 @@ resolution = [32, 24]
 }
 
 /// The room, lit.
-struct Lit {
-    scene: Scene,
-    prepared: Prepared,
-    light: (SampledAppearance, DiffuseSolution),
-    settings: Settings,
-}
+struct LitRoom(Lit);
 
-impl Lit {
+impl LitRoom {
     fn new(far: &str, rung: Rung) -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let path = folder.path().join("room.toml");
-        std::fs::write(&path, room(far)).expect("written");
-        let scene = load(&path).unwrap_or_else(|e| panic!("{e}"));
+        let scene = load(&Folder::new().write("room.toml", room(far))).unwrap_or_else(|e| panic!("{e}"));
         let mut settings = Settings { tracer: TracerChoice::Voxel, ..Settings::default() };
         settings.wavelengths = Wavelengths::meyer4();
         settings.second_pass.rung = rung;
         settings.second_pass.lobe_samples = 1;
         settings.first_pass.parts = true;
-        let geometry = &scene.geometry;
-        let prepared = {
-            let tracer = choose(settings.tracer, geometry).expect("it is there");
-            let tracer = tracer.as_ref();
-            pipeline::prepare(geometry, &scene.sampling, &settings, tracer, None, &Silent).expect("prepared")
-        };
-        let light = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &Silent).expect("lit");
-        Lit { scene, prepared, light, settings }
+        LitRoom(Lit::new(scene, settings))
     }
 
     fn view(&self, samples: u32, noise: Option<NoiseTarget>, seed: u32) -> Result<Rendered, Error> {
-        let geometry = &self.scene.geometry;
-        let tracer = choose(self.settings.tracer, geometry).expect("it is there");
-        let lit = pipeline::lit_scene(geometry, &self.prepared, &self.light);
-        let mut settings = self.settings.second_pass;
+        let LitRoom(lit) = self;
+        let seen = pipeline::lit_scene(&lit.scene.geometry, &lit.prepared, &lit.light);
+        let mut settings = lit.settings.second_pass;
         (settings.samples, settings.noise, settings.seed) = (samples, noise, seed);
-        render_with_checkpoint(&lit, &self.scene.cameras[0], tracer.as_ref(), &settings, None, &Silent)
+        render_with_checkpoint(&seen, &lit.scene.cameras[0], lit.tracer().as_ref(), &settings, None, &Silent)
     }
 
     /// Luminance of every pixel, cd m⁻².
@@ -121,7 +111,7 @@ fn noise_of(images: &[Vec<f64>], against: &[f64]) -> f64 {
 
 /// Images that were asked for `target`: is the noise as low, is it what they say, and is the mean right? How many times as noisy
 /// as many samples are that are spread evenly.
-fn is_as_asked(lit: &Lit, target: f64) -> f64 {
+fn is_as_asked(lit: &LitRoom, target: f64) -> f64 {
     const IMAGES: u32 = 8;
     let truth = lit.luminance(4096, None, 1000).0;
     let pixels = truth.len() as f64;
@@ -158,26 +148,26 @@ fn is_as_asked(lit: &Lit, target: f64) -> f64 {
 
 #[test]
 fn a_glossy_wall_is_as_noisy_as_asked_with_fewer_samples() {
-    let even = is_as_asked(&Lit::new("shiny", Rung::Direct), 0.05);
+    let even = is_as_asked(&LitRoom::new("shiny", Rung::Direct), 0.05);
     assert!(even > 1.3, "{even} times as noisy spread evenly");
 }
 
 #[test]
 fn soft_shadows_are_as_noisy_as_asked_with_fewer_samples() {
-    let even = is_as_asked(&Lit::new("wall", Rung::Direct), 0.006);
+    let even = is_as_asked(&LitRoom::new("wall", Rung::Direct), 0.006);
     assert!(even > 1.1, "{even} times as noisy spread evenly");
 }
 
 #[test]
 fn gathered_light_is_as_noisy_as_asked() {
     // All of the image is alike: nothing is to be gained, and two sequences a pixel are a little worse than one.
-    let even = is_as_asked(&Lit::new("wall", Rung::Gather), 0.01);
+    let even = is_as_asked(&LitRoom::new("wall", Rung::Gather), 0.01);
     assert!(even > 0.85, "{even} times as noisy spread evenly");
 }
 
 #[test]
 fn the_same_bits_from_one_and_three_threads() {
-    let lit = Lit::new("shiny", Rung::Direct);
+    let lit = LitRoom::new("shiny", Rung::Direct);
     let target = Some(NoiseTarget { noise: 0.05, most_samples: 256 });
     let threads = |n| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
@@ -190,7 +180,7 @@ fn the_same_bits_from_one_and_three_threads() {
 
 #[test]
 fn what_cannot_be_asked_for_is_refused() {
-    let lit = Lit::new("shiny", Rung::Direct);
+    let lit = LitRoom::new("shiny", Rung::Direct);
     for (noise, most_samples) in [(0.0, 64), (f64::NAN, 64), (2.0, 64), (0.1, 8), (0.1, u32::MAX)] {
         let refused = lit.view(16, Some(NoiseTarget { noise, most_samples }), 0);
         assert!(matches!(refused, Err(Error::Settings(_))), "{noise} {most_samples}");

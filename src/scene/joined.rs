@@ -1,6 +1,7 @@
 //! Bicubic patches that go on smoothly over a common edge.
 
 use crate::geometry::{Patch, Round, Shape};
+use crate::sets::Sets;
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -13,36 +14,22 @@ type Edge = ([[u64; 3]; 4], usize);
 /// For each shape, given with its part, the number of the patch that it belongs to: bicubic patches of one part are one
 /// where they share the control points of an edge and have one normal along it.
 pub fn first_of_each<'s>(shapes: impl Iterator<Item = (&'s Shape, usize)>) -> Vec<u32> {
+    let shapes: Vec<_> = shapes.collect();
     let mut edges: HashMap<Edge, Vec<(u32, [DVec3; 3])>> = HashMap::new();
-    let mut first: Vec<u32> = Vec::new();
-    for (k, (shape, part)) in shapes.enumerate() {
-        first.push(k as u32);
+    let mut patches = Sets::new(shapes.len());
+    for (k, (shape, part)) in shapes.into_iter().enumerate() {
         let Shape::Round(Round::Patch(patch)) = shape else { continue };
         for (edge, normals) in edges_of(patch) {
             let known = edges.entry((edge, part)).or_default();
             for (other, its) in known.iter() {
-                let smooth = normals.iter().zip(its).all(|(a, b)| a.distance(*b) < SMOOTH);
-                if smooth {
-                    join(&mut first, *other, k as u32);
+                if normals.iter().zip(its).all(|(a, b)| a.distance(*b) < SMOOTH) {
+                    patches.join(*other, k as u32);
                 }
             }
             known.push((k as u32, normals));
         }
     }
-    (0..first.len() as u32).map(|k| root(&first, k)).collect()
-}
-
-/// The first of those that `k` is one with.
-fn root(first: &[u32], mut k: u32) -> u32 {
-    while first[k as usize] != k {
-        k = first[k as usize];
-    }
-    k
-}
-
-fn join(first: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(first, a), root(first, b));
-    first[a.max(b) as usize] = a.min(b);
+    patches.all()
 }
 
 /// The edges that have a length, and the normals at three places of each.
