@@ -1,11 +1,29 @@
 //! `luxgraph compare`
 
-use super::args::Compare;
-use super::run::check_outputs;
+use super::outputs::check_outputs;
 use super::say::say;
+use clap::Args;
 use luxgraph::error::Result;
 use luxgraph::output::{self, exr};
 use luxgraph::report::write_json;
+use std::path::PathBuf;
+
+/// `compare`
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// The image that counts as true, EXR with channels R, G, B
+    #[arg(value_name = "REFERENCE.exr")]
+    pub reference: PathBuf,
+    /// The other, of the same size
+    #[arg(value_name = "IMAGE.exr")]
+    pub image: PathBuf,
+    /// PNG of the relative difference of luminance: white none, red brighter, blue darker, full colour at 20 %
+    #[arg(short, long, value_name = "OUT.png")]
+    pub output: Option<PathBuf>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
 
 /// Tells how far an image is from a reference.
 pub fn run(args: &Compare) -> Result<()> {

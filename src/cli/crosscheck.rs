@@ -1,15 +1,35 @@
 //! `luxgraph crosscheck`
 
-use super::args::Crosscheck;
 use super::progress::Bars;
 use super::run::note;
 use super::say::{say, tell};
+use clap::Args;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::write_json;
 use luxgraph::scene;
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::crosscheck::MAX_LISTED;
 use luxgraph::tracers::{EmbreeTracer, RayTracer, VoxelTracer, crosscheck, embree};
+use std::path::PathBuf;
+
+/// `crosscheck`
+#[derive(Debug, Args)]
+pub struct Crosscheck {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Segments to try, half of them adversarial
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
+    pub rays: u64,
+    /// Seed of the segments
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write every disagreement as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
 
 /// Puts all tracers of this build side by side.
 pub fn run(args: &Crosscheck) -> Result<()> {

@@ -1,7 +1,7 @@
 //! `luxgraph info`
 
-use super::args::Info;
 use super::say::say;
+use clap::Args;
 use luxgraph::error::Result;
 use luxgraph::geometry::Round;
 use luxgraph::material::{Body, Material};
@@ -11,6 +11,17 @@ use luxgraph::scene::{self, Distribution, LightKind, Scene};
 use luxgraph::spectrum::luminance_of;
 use luxgraph::tracers::embree;
 use serde::Serialize;
+use std::path::PathBuf;
+
+/// `info`
+#[derive(Debug, Args)]
+pub struct Info {
+    /// Scene file; without it, what this build has
+    pub scene: Option<PathBuf>,
+    /// Write the same as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
 
 /// What this build has.
 #[derive(Serialize)]

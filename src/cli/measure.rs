@@ -1,9 +1,12 @@
 //! `luxgraph measure`
 
-use super::args::Measure;
+use super::args::Lighting;
+use super::options::{at_points, lighting_settings};
+use super::outputs::{check_outputs, inputs};
 use super::progress::Bars;
-use super::run::{check_outputs, counts, inputs, lighting_settings, prepare};
+use super::run::{counts, prepare};
 use super::say::say;
+use clap::Args;
 use luxgraph::error::{Error, Result};
 use luxgraph::first_pass::FirstPassStats;
 use luxgraph::measure::{Illuminance, Reading, Row, write_csv};
@@ -13,7 +16,24 @@ use luxgraph::spectrum::Wavelengths;
 use luxgraph::visibility::{GraphStats, LinkStats};
 use luxgraph::{pipeline, scene};
 use serde::Serialize;
+use std::path::PathBuf;
 use std::time::Instant;
+
+/// `measure`
+#[derive(Debug, Args)]
+pub struct Measure {
+    /// Scene file with `[[sensors]]` or `[[grids]]` (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Table of all readings, spectral ones included
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: Option<PathBuf>,
+    /// Change the scene's materials and lights first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// Options of the light.
+    #[command(flatten)]
+    pub lighting: Lighting,
+}
 
 /// All that one run measured.
 #[derive(Serialize)]
@@ -98,6 +118,7 @@ pub fn run(args: &Measure) -> Result<()> {
     }
     let (sensors, cells) = sensors(&scene);
     let bars = Bars::new();
+    let settings = at_points(settings, options, &scene)?;
     let (tracer, prepared) = prepare(&scene, &settings, options.graph.as_deref(), &bars)?;
     let (tracer, geometry) = (tracer.as_ref(), &scene.geometry);
     let lit = pipeline::light(geometry, &prepared, &scene.appearance, &settings, &bars)?;

@@ -7,6 +7,8 @@ mod crosscheck;
 mod export;
 mod info;
 mod measure;
+mod options;
+mod outputs;
 mod progress;
 mod reference;
 mod relight;
@@ -16,29 +18,30 @@ pub mod say;
 mod tradeoff;
 mod validate;
 
-use args::{BenchWhat, Cli, Command};
+use args::{Cli, Command};
+use bench::BenchWhat;
 use luxgraph::error::{Error, Result};
 
 /// Carries out one command line.
 pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
-        Command::Render(args) => with_threads(args.options.lighting.threads, || render::run(&args)),
-        Command::Relight(args) => with_threads(args.options.lighting.threads, || relight::run(&args)),
-        Command::Reference(args) => with_threads(args.threads, || reference::run(&args)),
+        Command::Render(args) => with_threads(args.options.lighting.tracing.threads, || render::run(&args)),
+        Command::Relight(args) => with_threads(args.options.lighting.tracing.threads, || relight::run(&args)),
+        Command::Reference(args) => with_threads(args.tracing.threads, || reference::run(&args)),
         Command::Export(args) => export::run(&args),
         Command::Compare(args) => compare::run(&args),
-        Command::Measure(args) => with_threads(args.lighting.threads, || measure::run(&args)),
+        Command::Measure(args) => with_threads(args.lighting.tracing.threads, || measure::run(&args)),
         Command::Crosscheck(args) => with_threads(args.threads, || crosscheck::run(&args)),
         Command::Info(args) => info::run(&args),
-        Command::Validate(args) => with_threads(args.threads, || validate::run(&args)),
-        Command::Tradeoff(args) => with_threads(args.threads, || tradeoff::run(&args)),
+        Command::Validate(args) => with_threads(args.tracing.threads, || validate::run(&args)),
+        Command::Tradeoff(args) => with_threads(args.tracing.threads, || tradeoff::run(&args)),
         Command::Bench(args) => match &args.what {
-            None => with_threads(args.stages.threads, || bench::stages(&args.stages)),
-            Some(BenchWhat::Paper { scene, tracer, threads, report }) => {
-                with_threads(*threads, || bench::paper(scene, *tracer, report.as_deref()))
+            None => with_threads(args.stages.tracing.threads, || bench::stages(&args.stages)),
+            Some(BenchWhat::Paper(args)) => with_threads(args.tracing.threads, || bench::paper(args)),
+            Some(BenchWhat::Hall(args)) if args.links => {
+                with_threads(args.tracing.threads, || bench::linked(args))
             }
-            Some(BenchWhat::Hall(args)) if args.links => with_threads(args.threads, || bench::linked(args)),
-            Some(BenchWhat::Hall(args)) => with_threads(args.threads, || bench::growth(args)),
+            Some(BenchWhat::Hall(args)) => with_threads(args.tracing.threads, || bench::growth(args)),
         },
     }
 }

@@ -1,9 +1,12 @@
 //! `luxgraph reference`
 
-use super::args::Reference;
+use super::args::{Tracing, View};
+use super::options::{camera, exposure, tracer_choice};
+use super::outputs::Targets;
 use super::progress::Bars;
-use super::run::{Targets, camera, exposure, note, tracer_choice};
+use super::run::note;
 use super::say::{say, tell};
+use clap::Args;
 use luxgraph::error::Result;
 use luxgraph::output::{self, exr::ExrOptions};
 use luxgraph::reference::{self, ReferenceSettings, ReferenceStats};
@@ -12,6 +15,45 @@ use luxgraph::settings::Settings;
 use luxgraph::spectrum::Wavelengths;
 use luxgraph::{scene, tracers};
 use serde::Serialize;
+use std::path::PathBuf;
+
+/// `reference`
+#[derive(Debug, Args)]
+pub struct Reference {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Image as `render` writes it, with the standard error of luminance as channel noise.Y, cd/m²; a PNG of the same
+    /// name is written beside it
+    #[arg(short, long, value_name = "OUT.exr")]
+    pub output: PathBuf,
+    /// Change the scene first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// The view.
+    #[command(flatten)]
+    pub view: View,
+    /// Paths a pixel; more than 16 are rounded up to a multiple of 16
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1048576))]
+    pub samples: u32,
+    /// meyer4, or how many bands from 380 to 780 nm
+    #[arg(long, value_name = "meyer4|N", default_value = "8")]
+    pub wavelengths: String,
+    /// Seed of the paths
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
+    #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
+    pub exposure: String,
+    /// Add the spectral channels and CIE XYZ to the EXR
+    #[arg(long)]
+    pub spectral: bool,
+    /// Who answers rays.
+    #[command(flatten)]
+    pub tracing: Tracing,
+    /// Write samples, rays, noise and time as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
 
 /// What `reference` did.
 #[derive(Serialize)]
@@ -40,9 +82,9 @@ pub fn run(args: &Reference) -> Result<()> {
             "note: what mirrors and glass pass on of point lights is not found by chance, and missing here"
         );
     }
-    let camera = camera(&scene, args.camera.as_deref(), args.size)?;
+    let camera = camera(&scene, &args.view)?;
     let geometry = &scene.geometry;
-    let tracer = tracers::choose(tracer_choice(args.tracer), geometry)?;
+    let tracer = tracers::choose(tracer_choice(args.tracing.tracer), geometry)?;
     let appearance = scene.appearance.sample(geometry, &wavelengths, Settings::default().fresnel_entries);
     let settings = ReferenceSettings { samples: args.samples, seed: args.seed };
     let found = reference::render(geometry, &appearance, &camera, tracer.as_ref(), &settings, &Bars::new())?;

@@ -1,14 +1,37 @@
 //! `luxgraph relight`
 
-use super::args::Relight;
+use super::args::Options;
+use super::options::{at_points, camera, exposure, settings};
+use super::outputs::{Targets, inputs};
 use super::progress::Bars;
-use super::run::{Job, Targets, camera, exposure, inputs, prepare, prepare_changed, settings};
+use super::run::{Job, prepare, prepare_changed};
 use super::say::say;
+use clap::Args;
 use luxgraph::error::{Error, Result};
 use luxgraph::pipeline;
 use luxgraph::scene::SceneDescription;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// `relight`
+#[derive(Debug, Args)]
+pub struct Relight {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Other materials, lamps, or places of objects (scenes/FORMAT.md); each file gives an image named after it
+    #[arg(long, value_name = "CHANGES.toml", required = true)]
+    pub changes: Vec<PathBuf>,
+    /// Folder for the images
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Solve every appearance by itself, which gives the bits that `render --changes` gives: else each goes on from
+    /// the solutions before it, to the same tolerance
+    #[arg(long)]
+    pub same_bits: bool,
+    /// Options common to render and relight.
+    #[command(flatten)]
+    pub options: Options,
+}
 
 /// Renders one image for each changes file, all over one graph, which is updated where objects moved, came or went.
 pub fn run(args: &Relight) -> Result<()> {
@@ -34,7 +57,8 @@ pub fn run(args: &Relight) -> Result<()> {
             Ok((description.compile_over(&scene)?, description.is_rearranged()))
         })
         .collect::<Result<Vec<_>>>()?;
-    let camera = camera(&scene, options.camera.as_deref(), options.size)?;
+    let camera = camera(&scene, &options.view)?;
+    let settings = at_points(settings, &options.lighting, &scene)?;
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(&args.output, e))?;
     let targets: Vec<Targets> = stems
         .iter()

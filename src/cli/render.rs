@@ -1,9 +1,12 @@
 //! `luxgraph render`
 
-use super::args::Render;
+use super::args::Options;
+use super::options::{at_points, camera, exposure, settings};
+use super::outputs::{Targets, inputs};
 use super::progress::Bars;
-use super::run::{Job, Targets, camera, exposure, inputs, note, prepare, settings};
+use super::run::{Job, note, prepare};
 use super::say::{say, tell};
+use clap::Args;
 use luxgraph::error::{Error, Result};
 use luxgraph::pipeline::Prepared;
 use luxgraph::points::LightRefinement;
@@ -14,8 +17,46 @@ use luxgraph::target::{self, Fixed, Reached, Target};
 use luxgraph::tracers::RayTracer;
 use luxgraph::{pipeline, scene, share, tracers};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// `render`
+#[derive(Debug, Args)]
+pub struct Render {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Image in linear RGB, Y in cd/m²; a PNG of the same name is written beside it
+    #[arg(short, long, value_name = "OUT.exr")]
+    pub output: Option<PathBuf>,
+    /// Where the PNG goes instead
+    #[arg(long, value_name = "OUT.png")]
+    pub preview: Option<PathBuf>,
+    /// Change the scene first, as `relight` would; may be repeated
+    #[arg(long, value_name = "CHANGES.toml")]
+    pub changes: Vec<PathBuf>,
+    /// Add sample points where the light of the first pass bends, above all at the edges of shadows: where the luminance of
+    /// neighbours strays from a linear one by more than this share of the scene's mean, 5% for instance
+    #[arg(long, value_name = "SHARE", conflicts_with_all = ["graph", "error", "within"])]
+    pub refine: Option<String>,
+    /// With --refine: at most so many times as many points
+    #[arg(long, value_name = "FACTOR", requires = "refine", default_value_t = 4.0)]
+    pub refine_growth: f64,
+    /// Options common to render and relight.
+    #[command(flatten)]
+    pub options: Options,
+    /// Choose points, rung, wavelengths and samples so that luminance is wrong by this much at most (root mean square
+    /// over the pixels that show no lamp, of their mean), 2% for instance; what is reached is estimated and told.
+    /// --quality is where the choice begins; --second-pass and --wavelengths stay as they are given
+    #[arg(long, value_name = "SHARE", conflicts_with_all = ["within", "samples", "resume", "graph", "noise", "points"])]
+    pub error: Option<String>,
+    /// The same for a time, 30s or 2min: as little wrong as can be had within it
+    #[arg(long, value_name = "TIME", conflicts_with_all = ["samples", "resume", "graph", "noise", "points"])]
+    pub within: Option<String>,
+    /// Go on with a render of the same scene and settings that was interrupted: its finished rows are in
+    /// OUT.exr.partial
+    #[arg(long)]
+    pub resume: bool,
+}
 
 /// Renders one image.
 pub fn run(args: &Render) -> Result<()> {
@@ -33,7 +74,8 @@ pub fn run(args: &Render) -> Result<()> {
     targets.check(&inputs(&args.scene, &args.changes, &options.lighting))?;
 
     let scene = scene::load_with_changes(&args.scene, &args.changes)?;
-    let camera = camera(&scene, options.camera.as_deref(), options.size)?;
+    let camera = camera(&scene, &options.view)?;
+    let settings = at_points(settings, &options.lighting, &scene)?;
     let bars = Bars::new();
     if let Some(target) = target {
         note(&scene);

@@ -1,235 +1,22 @@
-//! What `render` and `relight` share: options to settings, one lit appearance to files.
+//! What `render` and `relight` share: a prepared scene, one lit appearance to files.
 
-use super::args::{KernelArg, Lighting, Options, PassesArg, QualityArg, SecondPassArg, SolverArg, TracerArg};
+use super::outputs::Targets;
 use super::say::{say, tell};
-use luxgraph::error::{Error, Result};
-use luxgraph::first_pass::{self, DiffuseSolution, FirstPass, Kernel, Solver};
+use luxgraph::error::Result;
+use luxgraph::first_pass::{self, DiffuseSolution, FirstPass};
 use luxgraph::observer::Observer;
 use luxgraph::output::{self, png::Exposure};
 use luxgraph::pipeline::{self, Prepared};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, Geometry, MaterialId, SampledAppearance, Scene};
 use luxgraph::second_pass::{
-    self, Checkpoint, NoiseStats, NoiseTarget, Passes, PixelNoise, Rendered, Rung, SecondPassSettings,
-    SecondPassStats, SpectralImage,
+    self, Checkpoint, NoiseStats, PixelNoise, Rendered, SecondPassStats, SpectralImage,
 };
-use luxgraph::settings::{Quality, Settings};
-use luxgraph::share;
-use luxgraph::spectrum::Wavelengths;
-use luxgraph::tracers::{self, RayTracer, TracerChoice};
-use luxgraph::visibility::{LinkSettings, Links};
-use std::fs::File;
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use luxgraph::settings::Settings;
+use luxgraph::tracers::{self, RayTracer};
+use luxgraph::visibility::Links;
+use std::path::Path;
 use std::time::Instant;
-
-/// The library's name for a choice of tracer.
-pub fn tracer_choice(arg: TracerArg) -> TracerChoice {
-    match arg {
-        TracerArg::Auto => TracerChoice::Auto,
-        TracerArg::Embree => TracerChoice::Embree,
-        TracerArg::Voxel => TracerChoice::Voxel,
-    }
-}
-
-/// Settings of an image: the preset, then what was asked for.
-pub fn settings(options: &Options) -> Result<Settings> {
-    let mut settings = lighting_settings(&options.lighting)?;
-    settings.second_pass.seed = options.seed;
-    if let Some(samples) = options.samples {
-        settings.second_pass.samples = samples;
-    }
-    if let Some(rung) = options.second_pass {
-        settings.second_pass.rung = match rung {
-            SecondPassArg::Interpolate => Rung::Interpolate,
-            SecondPassArg::Direct => Rung::Direct,
-            SecondPassArg::Gather => Rung::Gather,
-        };
-    }
-    ladder_samples(options, &mut settings.second_pass)?;
-    if let Some(text) = &options.noise {
-        let (noise, most_samples) = (share::parse("a noise", text)?, options.max_samples);
-        settings.second_pass.noise = Some(NoiseTarget { noise, most_samples });
-        settings.second_pass.check()?;
-    }
-    settings.first_pass.parts = settings.second_pass.rung != Rung::Interpolate;
-    settings.second_pass.passes = match options.passes {
-        PassesArg::First => Passes::FirstPassOnly,
-        PassesArg::Both => Passes::Both,
-    };
-    Ok(settings)
-}
-
-/// How many rays the upper rungs send at a hit.
-fn ladder_samples(options: &Options, settings: &mut SecondPassSettings) -> Result<()> {
-    let refuse = |option: &str, rungs: &str| {
-        Err(Error::Settings(format!(
-            "{option} has no meaning on this rung: add --second-pass {rungs}, or leave it out"
-        )))
-    };
-    if let Some(samples) = options.lamp_samples {
-        if settings.rung == Rung::Interpolate {
-            return refuse("--lamp-samples", "direct or gather");
-        }
-        settings.lamp_samples = samples;
-    }
-    if let Some(samples) = options.gather_samples {
-        if settings.rung != Rung::Gather {
-            return refuse("--gather-samples", "gather");
-        }
-        settings.gather_samples = samples;
-    }
-    Ok(())
-}
-
-/// Settings of the light: the preset, then what was asked for.
-pub fn lighting_settings(options: &Lighting) -> Result<Settings> {
-    let mut settings = Settings::preset(match options.quality {
-        QualityArg::Draft => Quality::Draft,
-        QualityArg::Paper => Quality::Paper,
-        QualityArg::Standard => Quality::Standard,
-        QualityArg::High => Quality::High,
-    });
-    settings.tracer = tracer_choice(options.tracer);
-    if let Some(text) = &options.wavelengths {
-        settings.wavelengths = Wavelengths::parse(text)?;
-    }
-    if let Some(tolerance) = options.link_tolerance {
-        let links = LinkSettings { tolerance, ..LinkSettings::default() };
-        links.validate()?;
-        settings.links = Some(links);
-    }
-    settings.most_paired = options.most_paired;
-    let first = &mut settings.first_pass;
-    if let Some(kernel) = options.kernel {
-        first.kernel = match kernel {
-            KernelArg::Analytic => Kernel::Analytic,
-            KernelArg::Paper => Kernel::Paper,
-        };
-    }
-    if let Some(solver) = options.solver {
-        first.solver = match solver {
-            SolverArg::Iterative => Solver::Iterative,
-            SolverArg::Shooting => Solver::Shooting,
-        };
-    }
-    if let Some(tolerance) = options.tolerance {
-        if !(1e-6..1.0).contains(&tolerance) {
-            return Err(Error::Settings(format!("--tolerance {tolerance}: give a share from 1e-6 to 1")));
-        }
-        first.tolerance = tolerance;
-    }
-    first.most_specular = options.most_specular;
-    if let Some(tolerance) = options.lobe_tolerance {
-        if !(0.0..1.0).contains(&tolerance) {
-            let message = format!("--lobe-tolerance {tolerance}: give a share from 0 to less than 1");
-            return Err(Error::Settings(message));
-        }
-        first.lobe_tolerance = tolerance;
-    }
-    if options.lg_max.is_some() {
-        first.chain.lg_max = options.lg_max;
-    }
-    if let Some(eff_min) = options.eff_min {
-        if !(0.0..=1.0).contains(&eff_min) {
-            return Err(Error::Settings(format!("--eff-min {eff_min}: give a share from 0 to 1")));
-        }
-        first.chain.eff_min = eff_min;
-    }
-    Ok(settings)
-}
-
-/// `auto` or a number of EV.
-pub fn exposure(text: &str) -> Result<Exposure> {
-    if text == "auto" {
-        return Ok(Exposure::Auto);
-    }
-    match text.parse::<f64>() {
-        Ok(ev) if ev.abs() <= 64.0 => Ok(Exposure::Ev(ev)),
-        _ => Err(Error::Settings(format!("--exposure {text}: give auto, or a number of EV from -64 to 64"))),
-    }
-}
-
-/// The camera asked for, at the size asked for.
-pub fn camera(scene: &Scene, name: Option<&str>, size: Option<[u32; 2]>) -> Result<Camera> {
-    let mut camera = match name {
-        None => scene.cameras.first().cloned(),
-        Some(name) => scene.cameras.iter().find(|c| c.name == name).cloned(),
-    }
-    .ok_or_else(|| {
-        let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-        let asked = name.unwrap_or_default();
-        let names = names.join(", ");
-        Error::Settings(format!("--camera {asked}: the scene has no camera of that name, only {names}"))
-    })?;
-    if let Some(size) = size {
-        camera.resolution = size;
-    }
-    camera.check()?;
-    Ok(camera)
-}
-
-/// Files that a run reads and must not overwrite.
-pub fn inputs<'a>(scene: &'a Path, changes: &'a [PathBuf], options: &'a Lighting) -> Vec<&'a Path> {
-    std::iter::once(scene).chain(changes.iter().chain(&options.graph).map(PathBuf::as_path)).collect()
-}
-
-/// Where the files of one image go.
-pub struct Targets {
-    /// The EXR.
-    pub exr: PathBuf,
-    /// The PNG.
-    pub png: PathBuf,
-    /// The JSON report, if asked for.
-    pub report: Option<PathBuf>,
-}
-
-impl Targets {
-    /// [`check_outputs`] of all of them.
-    pub fn check(&self, inputs: &[&Path]) -> Result<()> {
-        check_outputs(&[Some(&self.exr), Some(&self.png), self.report.as_ref()], inputs)
-    }
-}
-
-/// Fails now rather than after the work when a folder is missing or read-only, or a name cannot serve:
-/// it is a folder's, one of the `inputs` has it, or another output.
-pub fn check_outputs(outputs: &[Option<&PathBuf>], inputs: &[&Path]) -> Result<()> {
-    let paths: Vec<&Path> = outputs.iter().copied().flatten().map(PathBuf::as_path).collect();
-    for (i, &path) in paths.iter().enumerate() {
-        if inputs.iter().any(|input| same_file(input, path)) {
-            return Err(Error::Settings(format!(
-                "{}: this would be overwritten, but it is read; name another output",
-                path.display()
-            )));
-        }
-        if paths[..i].iter().any(|other| same_file(other, path)) {
-            return Err(Error::Settings(format!(
-                "{}: two outputs would have this name; name an image OUT.exr, and other files otherwise",
-                path.display()
-            )));
-        }
-        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !parent.is_dir() {
-            return Err(Error::io(path, format!("there is no folder {}; make it first", parent.display())));
-        }
-        if path.is_dir() {
-            return Err(Error::io(path, "this is a folder; name a file"));
-        }
-        let trial = parent.join(format!(".luxgraph-{}", std::process::id()));
-        match File::create_new(&trial).and_then(|_| std::fs::remove_file(&trial)) {
-            Err(e) if e.kind() != ErrorKind::AlreadyExists => {
-                return Err(Error::io(path, format!("the folder cannot be written to: {e}")));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
-}
-
-/// Whether two paths name one file, which need not exist.
-fn same_file(a: &Path, b: &Path) -> bool {
-    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
-}
 
 /// Passes on what the loader had to say about the scene.
 pub fn note(scene: &Scene) {
@@ -339,24 +126,6 @@ impl Job<'_> {
     ) -> Result<()> {
         let (geometry, settings) = (&self.scene.geometry, self.settings);
         let lit = pipeline::relight(geometry, first_pass, &self.scene.appearance, settings, observer)?;
-        let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
-        if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
-            tell!(
-                "note: [[lights]] have no body: their light reaches surfaces over mirrors and glass too, but \
-                 the view shows no reflection and no highlight of the lights themselves"
-            );
-        }
-        let specular = first_pass::specular_points(&self.prepared.points, &lit.0);
-        let most = settings.first_pass.most_specular;
-        let evenly = "the light that they pass on to other surfaces is spread evenly; views show mirrors and glass as they are";
-        if self.prepared.links.is_some() && specular > 0 {
-            tell!("note: {specular} sample points are specular, and links carry diffuse light: {evenly}");
-        } else if specular > most {
-            tell!(
-                "note: {specular} sample points are specular, more than {most}: {evenly} (--most-specular N changes the \
-                 limit, at a cost that grows with its cube)"
-            );
-        }
         let stats = &lit.1.stats;
         say!(
             "first pass: {:.2} s, {:.0} sweeps, {:.4} % of the flux unabsorbed, {} rays",
@@ -380,6 +149,29 @@ impl Job<'_> {
         self.write(targets, &lit, (&image, noise.as_ref()), stats)
     }
 
+    /// Says what light the view, or other surfaces, do without.
+    fn tell_left_out(&self, appearance: &SampledAppearance) {
+        let geometry = &self.scene.geometry;
+        let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
+        if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
+            tell!(
+                "note: [[lights]] have no body: their light reaches surfaces over mirrors and glass too, but \
+                 the view shows no reflection and no highlight of the lights themselves"
+            );
+        }
+        let specular = first_pass::specular_points(&self.prepared.points, appearance);
+        let most = self.settings.first_pass.most_specular;
+        let evenly = "the light that they pass on to other surfaces is spread evenly; views show mirrors and glass as they are";
+        if self.prepared.links.is_some() && specular > 0 {
+            tell!("note: {specular} sample points are specular, and links carry diffuse light: {evenly}");
+        } else if specular > most {
+            tell!(
+                "note: {specular} sample points are specular, more than {most}: {evenly} (--most-specular N changes the \
+                 limit, at a cost that grows with its cube)"
+            );
+        }
+    }
+
     /// The files of an image.
     pub fn write(
         &self,
@@ -388,6 +180,7 @@ impl Job<'_> {
         (image, noise): (&SpectralImage, Option<&PixelNoise>),
         stats: SecondPassStats,
     ) -> Result<()> {
+        self.tell_left_out(&lit.0);
         let layers = output::exr::ExrOptions { xyz: self.spectral, spectral: self.spectral };
         let more = noise
             .iter()

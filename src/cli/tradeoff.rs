@@ -1,9 +1,11 @@
 //! `luxgraph tradeoff`
 
-use super::args::Tradeoff;
+use super::args::{Tracing, View, parse_size};
+use super::options::{camera, tracer_choice};
 use super::progress::Bars;
-use super::run::{camera, note, tracer_choice};
+use super::run::note;
 use super::say::{say, tell};
+use clap::Args;
 use luxgraph::error::{Error, Result};
 use luxgraph::output::exr;
 use luxgraph::report::tradeoff::judge::{Judge, JudgeSettings};
@@ -16,6 +18,42 @@ use luxgraph::scene::{Camera, Scene};
 use luxgraph::settings::Settings;
 use luxgraph::{scene, tracers};
 use serde::Serialize;
+use std::path::PathBuf;
+
+/// `tradeoff`
+#[derive(Debug, Args)]
+pub struct Tradeoff {
+    /// Scene file (scenes/FORMAT.md describes it)
+    pub scene: PathBuf,
+    /// Folder for tradeoff.csv, the plots and the judge; made if it is not there. What an earlier run measured there
+    /// under the same conditions is not measured again
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Camera of the scene file [default: its first]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height of the image in pixels [default: the camera's, scaled to 20,000 pixels, or 5,000 with --quick]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Turn few knobs, on a small image before a noisier judge
+    #[arg(long)]
+    pub quick: bool,
+    /// An image that counts as true but for its channel noise.Y, as `reference` writes it [default: one is made]
+    #[arg(long, value_name = "JUDGE.exr", conflicts_with = "judge_samples")]
+    pub reference: Option<PathBuf>,
+    /// Paths a pixel of the judge [default: 4096, or 512 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1048576))]
+    pub judge_samples: Option<u32>,
+    /// Leave out settings whose graph and first pass are expected to take longer, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    pub longest: f64,
+    /// Who answers rays.
+    #[command(flatten)]
+    pub tracing: Tracing,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
 
 /// Pixels of an image whose size is not given.
 const PIXELS: f64 = 20_000.0;
@@ -40,7 +78,7 @@ pub fn run(args: &Tradeoff) -> Result<()> {
     note(&scene);
     let camera = sized(args, &scene)?;
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(&args.output, e))?;
-    let settings = Settings { tracer: tracer_choice(args.tracer), ..Settings::default() };
+    let settings = Settings { tracer: tracer_choice(args.tracing.tracer), ..Settings::default() };
     let tracer = tracers::choose(settings.tracer, &scene.geometry)?;
     let bars = Bars::new();
     let (extent, asked) = match args.quick {
@@ -137,7 +175,7 @@ fn sized(args: &Tradeoff, scene: &Scene) -> Result<Camera> {
         }
         (_, size) => size,
     };
-    let mut camera = camera(scene, args.camera.as_deref(), size)?;
+    let mut camera = camera(scene, &View { camera: args.camera.clone(), size })?;
     if size.is_none() {
         let [w, h] = camera.resolution.map(f64::from);
         let pixels = if args.quick { PIXELS_QUICK } else { PIXELS };

@@ -1,15 +1,29 @@
 //! `luxgraph validate`
 
-use super::args::Validate;
+use super::args::Tracing;
+use super::options::tracer_choice;
+use super::outputs::check_outputs;
 use super::progress::Bars;
-use super::run::{check_outputs, tracer_choice};
 use super::say::say;
+use clap::Args;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::wavelength_table::WavelengthTable;
 use luxgraph::report::{Machine, write_json};
 use luxgraph::tracers::embree;
 use luxgraph::validate::{self, Case, Group, Tolerance};
 use serde::Serialize;
+use std::path::PathBuf;
+
+/// `validate`
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// Who answers rays.
+    #[command(flatten)]
+    pub tracing: Tracing,
+    /// Write every case as JSON
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
 
 /// All that was checked.
 #[derive(Serialize)]
@@ -27,7 +41,7 @@ struct Report {
 /// Runs all checks, prints them in groups, and fails where one fails.
 pub fn run(args: &Validate) -> Result<()> {
     check_outputs(&[args.report.as_ref()], &[])?;
-    let choice = tracer_choice(args.tracer);
+    let choice = tracer_choice(args.tracing.tracer);
     let tracer = match choice {
         luxgraph::tracers::TracerChoice::Voxel => "voxel",
         _ if embree::available().is_some() => "embree",

@@ -3,6 +3,7 @@
 
 mod by_light;
 mod cell;
+mod density;
 pub mod facing;
 mod hierarchy;
 mod neighbours;
@@ -12,6 +13,7 @@ mod subdivide;
 
 pub use by_light::{LightRefinement, LightRefiner};
 pub use cell::Cell;
+pub use density::area_factor_for;
 pub use hierarchy::{Cluster, Hierarchy};
 pub use neighbours::MAX_EXTRA_LEVELS;
 pub use piece::Piece;

@@ -1,5 +1,5 @@
 //! A folder for the files of a test.
-#![allow(dead_code, reason = "each test file uses its share")]
+#![allow(dead_code, reason = "each group of tests uses its share")]
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,5 @@
 //! A furnished room of 134 quadrilaterals, as many as the paper's test scene has.
+#![allow(dead_code, reason = "each group of tests uses its share")]
 
 use glam::{DMat3, DVec3};
 use luxgraph::geometry::Shape;

@@ -1,5 +1,5 @@
 //! A scene with its light, as the pipeline makes it.
-#![allow(dead_code, reason = "each test file uses its share")]
+#![allow(dead_code, reason = "each group of tests uses its share")]
 
 use luxgraph::first_pass::DiffuseSolution;
 use luxgraph::measure::Reading;

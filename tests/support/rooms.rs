@@ -1,5 +1,5 @@
 //! Furnished rooms for tests, and sample points in a regular grid of voxels.
-#![allow(dead_code)]
+#![allow(dead_code, reason = "each group of tests uses its share")]
 
 use glam::{DMat3, DVec3};
 use luxgraph::geometry::Shape;

@@ -1,8 +1,8 @@
 //! `luxgraph bench hall`
 
-use crate::cli::args::BenchHall;
+use super::BenchHall;
+use crate::cli::options::tracer_choice;
 use crate::cli::progress::Bars;
-use crate::cli::run::tracer_choice;
 use crate::cli::say::say;
 use luxgraph::error::Result;
 use luxgraph::report::bench::hall::hall;
@@ -26,7 +26,7 @@ struct Report {
 /// The hall and the settings that were asked for.
 pub(super) fn asked(args: &BenchHall) -> Result<(Scene, Settings)> {
     let settings = Settings {
-        tracer: tracer_choice(args.tracer),
+        tracer: tracer_choice(args.tracing.tracer),
         wavelengths: Wavelengths::parse(&args.wavelengths)?,
         ..Settings::default()
     };

@@ -1,7 +1,7 @@
 //! `luxgraph bench hall --links`
 
+use super::BenchHall;
 use super::growth::asked;
-use crate::cli::args::BenchHall;
 use crate::cli::progress::Bars;
 use crate::cli::say::say;
 use luxgraph::error::Result;

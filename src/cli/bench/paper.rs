@@ -1,8 +1,9 @@
 //! `luxgraph bench paper`
 
-use crate::cli::args::TracerArg;
+use super::BenchPaper;
+use crate::cli::options::tracer_choice;
 use crate::cli::progress::Bars;
-use crate::cli::run::{counts, prepare, tracer_choice};
+use crate::cli::run::{counts, prepare};
 use crate::cli::say::say;
 use luxgraph::error::{Error, Result};
 use luxgraph::report::paper_tables::{
@@ -15,7 +16,6 @@ use luxgraph::spectrum::Wavelengths;
 use luxgraph::visibility::{GraphSettings, GraphStats, VisibilityGraph};
 use luxgraph::{pipeline, scene};
 use serde::Serialize;
-use std::path::Path;
 
 /// All that `bench paper` measured.
 #[derive(Serialize)]
@@ -34,10 +34,13 @@ struct Report {
 }
 
 /// The paper's tables beside ours, and the second pass at 640 x 480 with 16 samples a pixel.
-pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()> {
-    let scene = scene::load(path)?;
-    let mut settings =
-        Settings { tracer: tracer_choice(tracer), wavelengths: Wavelengths::meyer4(), ..Settings::default() };
+pub fn run(args: &BenchPaper) -> Result<()> {
+    let scene = scene::load(&args.scene)?;
+    let mut settings = Settings {
+        tracer: tracer_choice(args.tracing.tracer),
+        wavelengths: Wavelengths::meyer4(),
+        ..Settings::default()
+    };
     settings.second_pass.passes = Passes::Both;
     settings.second_pass.samples = 16;
     settings.first_pass.count_visibility_calls = true;
@@ -114,7 +117,7 @@ pub fn paper(path: &Path, tracer: TracerArg, report: Option<&Path>) -> Result<()
     say!("time without the graph: the calls were really made, {} rays", group(direct_rays + chain_rays));
     let machine = Machine::this();
     say!("on {}, {} threads, tracer {}", machine.processor, machine.threads, tracer.name());
-    if let Some(path) = report {
+    if let Some(path) = &args.report {
         let report = Report {
             machine,
             tracer: tracer.name(),

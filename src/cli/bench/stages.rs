@@ -1,8 +1,8 @@
 //! `luxgraph bench [SCENE]`
 
-use crate::cli::args::BenchStages;
+use super::BenchStages;
+use crate::cli::options::tracer_choice;
 use crate::cli::progress::Bars;
-use crate::cli::run::tracer_choice;
 use crate::cli::say::say;
 use luxgraph::error::Result;
 use luxgraph::report::bench::first_pass::FirstPassBench;
@@ -37,7 +37,7 @@ pub fn run(args: &BenchStages) -> Result<()> {
         None => None,
     };
     let settings = Settings {
-        tracer: tracer_choice(args.tracer),
+        tracer: tracer_choice(args.tracing.tracer),
         wavelengths: Wavelengths::parse(&args.wavelengths)?,
         ..Settings::default()
     };

@@ -1,11 +1,10 @@
 //! How the exchange over links grows with the number of sample points, and how far it is from that over all pairs.
 
-use super::area_factor_for;
 use super::scale::{Cost, exponent, timed};
 use crate::error::Result;
 use crate::first_pass::{self, DiffuseSolution, LinkedRelighter};
 use crate::observer::Observer;
-use crate::points::{self, SamplePoints};
+use crate::points::{self, SamplePoints, area_factor_for};
 use crate::scene::{SampledAppearance, Scene};
 use crate::settings::Settings;
 use crate::tracers::{self, RayTracer};

@@ -1,10 +1,9 @@
 //! How time and memory of each stage grow with the number of sample points.
 
-use super::area_factor_for;
 use crate::error::{Error, Result};
 use crate::first_pass;
 use crate::observer::Observer;
-use crate::points;
+use crate::points::{self, area_factor_for};
 use crate::report::{peak_memory_bytes, processor_s, reset_peak_memory};
 use crate::scene::Scene;
 use crate::second_pass::{self, Interpolator, LitScene};

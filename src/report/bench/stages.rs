@@ -1,6 +1,5 @@
 //! The stages of one scene, each beside its ceiling, measured in one run.
 
-use super::area_factor_for;
 use super::first_pass::{self, FirstPassBench, usual_changes};
 use super::graph::{self, GraphBench};
 use super::hall::hall;
@@ -11,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::geometry::SurfaceId;
 use crate::observer::Observer;
 use crate::pipeline;
-use crate::points::Sampling;
+use crate::points::{Sampling, area_factor_for};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::tracers;
