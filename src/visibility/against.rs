@@ -1,7 +1,7 @@
 //! How many points lie against one blocker: signed distances from its plane and ratios to its edges, all at once.
 
 use super::blocker::Blocker;
-use crate::simd::{HotLoop, wide};
+use crate::simd::{HotLoop, widest};
 use glam::DVec3;
 
 /// Words of a row.
@@ -58,7 +58,7 @@ impl Places {
 
     /// The points whose distance above the plane `normal · x = offset` is more than `least`.
     pub fn above(&self, normal: DVec3, offset: f64, least: f64) -> Bits {
-        wide(Above { places: self, normal, offset, least })
+        widest(Above { places: self, normal, offset, least })
     }
 }
 
@@ -129,6 +129,23 @@ pub(super) struct Bounds {
     pub nearness: f32,
 }
 
+/// See [`Against::set`].
+struct Set<'a> {
+    against: &'a mut Against,
+    places: &'a Places,
+    usable: &'a Bits,
+    blocker: &'a Blocker,
+}
+
+impl HotLoop for Set<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.against.find(self.places, self.usable, self.blocker);
+    }
+}
+
 impl Against {
     pub const NONE: Against = Against {
         ratio: [[[0.0; 32]; WORDS]; 4],
@@ -139,8 +156,12 @@ impl Against {
     };
 
     /// Computes all for `places`, of which only `usable` count.
-    #[inline(always)]
     pub fn set(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
+        widest(Set { against: self, places, usable, blocker });
+    }
+
+    #[inline(always)]
+    fn find(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
         let bands = blocker.bands();
         let usable = only_first(*usable, places.count);
         let ([(n, c), edges @ ..], Places { x, y, z, .. }) = (blocker.planes(), places);

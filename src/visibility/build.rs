@@ -37,6 +37,13 @@ impl Default for GraphSettings {
 /// Edges decided between two joins of the threads: enough to share, few enough to hold.
 const CHUNK: usize = 4096;
 
+/// Edges between so many voxels and as many others are decided one after the other: how their points lie against surfaces
+/// is found once for all of them.
+const NEAR: usize = 4;
+
+/// No thread takes more edges at a time.
+const TASK: usize = 4 * NEAR * NEAR;
+
 /// What all threads share while a graph is built.
 pub(super) struct Build<'a> {
     pub points: &'a SamplePoints,
@@ -151,15 +158,23 @@ impl<'a> Build<'a> {
             if chunk.is_empty() {
                 break;
             }
-            let decided: Vec<VoxelPair> = chunk
-                .par_iter()
-                .map_init(Block::new, |block, &(a, b)| {
+            let mut order: Vec<usize> = (0..chunk.len()).collect();
+            order.sort_unstable_by_key(|&k| {
+                let (a, b) = chunk[k];
+                (b / NEAR, a / NEAR, b, a)
+            });
+            let mut decided: Vec<(usize, VoxelPair)> = order
+                .into_par_iter()
+                .with_max_len(TASK)
+                .map_init(Block::new, |block, k| {
+                    let (a, b) = chunk[k];
                     let pair = decide(block, a, b);
                     observer.advance(pair.stats.pairs);
-                    pair
+                    (k, pair)
                 })
                 .collect();
-            for pair in decided {
+            decided.sort_unstable_by_key(|(k, _)| *k);
+            for (_, pair) in decided {
                 graph.push(pair).map_err(|()| too_large(self.points))?;
             }
         }

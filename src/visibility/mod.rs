@@ -15,6 +15,7 @@ pub mod file;
 mod flat;
 mod graph;
 mod kept;
+mod known;
 mod lights;
 mod links;
 mod pairs;

@@ -59,13 +59,7 @@ impl Build<'_> {
 impl PairWork<'_> {
     /// Makes the pairs of `rows` and `columns` those of the block; none is open. `columns` begin with a word.
     fn begin(&mut self, rows: Range<usize>, columns: Range<usize>) {
-        let places = |of: &Range<usize>| {
-            let position = &self.build.points.position;
-            of.clone().map(move |i| position[i].as_dvec3())
-        };
-        self.block.rows.set(places(&rows));
-        self.block.columns.set(places(&columns));
-        self.block.clear();
+        self.block.begin(&rows, &columns, &self.build.points.position);
         self.place = [rows.start, columns.start];
     }
 
@@ -93,7 +87,7 @@ impl PairWork<'_> {
     pub fn test_tile(&mut self, tile: Tile) {
         self.begin_tile(&tile);
         let all = tile.pairs() as u64;
-        self.test_candidates(tile.candidates, tile.length, all, |_| Some((ALL, ALL)));
+        self.test_candidates(tile.candidates, tile.length, all, |_, _| ALL);
     }
 
     /// Decides the pairs of a block of two voxels: by testing their `candidates` where they are few, else by rays. No
@@ -143,16 +137,15 @@ impl PairWork<'_> {
     ) {
         let build = self.build;
         let open = self.block.count_open();
-        let (rows, columns) = self.block.open_sides();
         // A surface cannot hide what is in front of it, nor block from behind what faces away.
-        let reached = |c: u32, patches: &[(Bits, &Patch)], open: &Bits| {
+        let reach = |c: u32, side: usize| {
             let mut bits = [0; WORDS];
-            for (members, _) in patches.iter().filter(|(_, patch)| build.is_in_front(c, patch)) {
-                bits = std::array::from_fn(|w| bits[w] | members[w] & open[w]);
+            for (members, _) in [first, second][side].iter().filter(|(_, patch)| build.is_in_front(c, patch))
+            {
+                bits = std::array::from_fn(|w| bits[w] | members[w]);
             }
-            (bits != [0; WORDS]).then_some(bits)
+            bits
         };
-        let reach = |c: u32| Some((reached(c, first, &rows)?, reached(c, second, &columns)?));
         self.test_candidates(candidates, length, open, reach);
     }
 
@@ -223,14 +216,14 @@ impl PairWork<'_> {
         }
     }
 
-    /// Tests the `candidates` on the open pairs of the block, the last blocker first; `reach` gives the rows and columns
-    /// that each may block between.
+    /// Tests the `candidates` on the open pairs of the block, the last blocker first; `reach` gives the rows, 0,
+    /// or the columns, 1, that a surface may hide anything from.
     fn test_candidates(
         &mut self,
         candidates: Range<usize>,
         length: f64,
         open: u64,
-        reach: impl Fn(u32) -> Option<(Bits, Bits)>,
+        reach: impl Fn(u32, usize) -> Bits,
     ) {
         if let Some(k) = candidates.clone().find(|&k| Some(self.open[k]) == self.last_blocker) {
             self.open.swap(candidates.start, k);
@@ -238,17 +231,17 @@ impl PairWork<'_> {
         let is_round = |c: u32| self.build.blockers[c as usize].round().is_some();
         let round = self.open[candidates.clone()].iter().any(|&c| is_round(c));
         let mut left = open;
+        let (rows, columns) = self.block.open_sides();
         for k in candidates.clone() {
             let c = self.open[k];
             if is_round(c) {
                 continue;
             }
-            let Some((rows, columns)) = reach(c) else { continue };
             let Hidden { proved, tested } = self.block.test_known(
                 (&self.build.blockers[c as usize], c),
                 length,
-                (&rows, &columns),
-                self.place[1],
+                [&rows, &columns],
+                |side| reach(c, side),
             );
             self.result.stats.proved += proved;
             if Some(c) == self.last_blocker {
@@ -321,7 +314,7 @@ impl PairWork<'_> {
     fn mark(&mut self, c: u32, length: f64) {
         let polygon = self.build.blockers.get(c as usize).filter(|blocker| blocker.round().is_none());
         let Some(blocker) = polygon else { return };
-        let hidden = self.block.test(blocker, length, &ALL, &ALL);
+        let hidden = self.block.test(blocker, length);
         self.result.stats.last_blocker += hidden.proved + hidden.tested;
     }
 
