@@ -51,6 +51,12 @@ impl Places {
         }
     }
 
+    /// Where point `i` is.
+    #[inline(always)]
+    pub fn at(&self, i: usize) -> [f64; 3] {
+        [self.x[i], self.y[i], self.z[i]]
+    }
+
     /// Words with a point in them.
     pub fn words(&self) -> usize {
         self.count.div_ceil(32)
@@ -218,10 +224,21 @@ impl Against {
             }
         }
         let bounds = Bounds {
-            lo: lo.map(|lanes| lanes.into_iter().fold(f32::MAX, f32::min)),
-            hi: hi.map(|lanes| lanes.into_iter().fold(f32::MIN, f32::max)),
-            nearness: 1.0 / nearest.into_iter().fold(f32::MAX, f32::min),
+            lo: lo.map(|lanes| fold(lanes, |a, b| if a < b { a } else { b })),
+            hi: hi.map(|lanes| fold(lanes, |a, b| if a > b { a } else { b })),
+            nearness: 1.0 / fold(nearest, |a, b| if a < b { a } else { b }),
         };
         self.bounds[side][w] = bounds;
     }
+}
+
+/// One of all lanes, by halves.
+#[inline(always)]
+fn fold(mut lanes: [f32; 8], pick: impl Fn(f32, f32) -> f32) -> f32 {
+    for half in [4, 2, 1] {
+        for i in 0..half {
+            lanes[i] = pick(lanes[i], lanes[i + half]);
+        }
+    }
+    lanes[0]
 }

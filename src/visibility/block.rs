@@ -41,9 +41,9 @@ pub(super) struct Block {
     known: [Known; 2],
 }
 
-impl Block {
+impl Default for Block {
     /// A block without points.
-    pub fn new() -> Block {
+    fn default() -> Block {
         Block {
             rows: Places::NONE,
             columns: Places::NONE,
@@ -54,7 +54,9 @@ impl Block {
             known: [Known::new(), Known::new()],
         }
     }
+}
 
+impl Block {
     /// Makes its pairs those of `rows` and `columns`, ranges of the points in `position`; none is open.
     pub fn begin(&mut self, rows: &Range<usize>, columns: &Range<usize>, position: &[Vec3]) {
         let places = |of: &Range<usize>| position[of.clone()].iter().map(|p| p.as_dvec3());
@@ -295,7 +297,7 @@ mod tests {
     fn compare(random: &mut Random, rows: &[DVec3], columns: &[DVec3]) -> [u64; 4] {
         let surface = random.surface();
         let blocker = Blocker::new(&surface, &BANDS);
-        let mut block = Block::new();
+        let mut block = Block::default();
         block.rows.set(rows.iter().copied());
         block.columns.set(columns.iter().copied());
         block.open[..rows.len()].fill(span(0, columns.len()));

@@ -19,6 +19,7 @@ mod known;
 mod lights;
 mod links;
 mod pairs;
+mod passing;
 mod patch;
 mod patches;
 mod round;
