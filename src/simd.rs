@@ -1,4 +1,4 @@
-//! Hot loops compiled three times: for any processor, for those with AVX2, and for those with AVX-512.
+//! Hot loops compiled more than once: for any processor, for those with AVX2, and where it gains for those with AVX-512.
 //!
 //! Only the width of the registers differs. Multiplications and additions are not fused and sums
 //! keep their order, so all give the same bits. (Fused, the innermost loops of a sweep took 10 to 30 %

@@ -53,11 +53,10 @@ impl HotLoop for Find<'_> {
         let Find { passing: Passing { centre, scale, margin }, rows, columns, pairs, found } = self;
         let mut to = [[[0.0f32; 32]; 3]; WORDS];
         for (w, word) in to.iter_mut().enumerate().take(columns.words()) {
-            for lane in 0..32 {
-                let [x, y, z] = columns.at(32 * w + lane);
-                word[0][lane] = ((x - centre.x) * scale.x) as f32;
-                word[1][lane] = ((y - centre.y) * scale.y) as f32;
-                word[2][lane] = ((z - centre.z) * scale.z) as f32;
+            for (k, places) in word.iter_mut().enumerate() {
+                for (lane, place) in places.iter_mut().enumerate() {
+                    *place = ((columns.at(32 * w + lane)[k] - centre[k]) * scale[k]) as f32;
+                }
             }
         }
         let size = |x: f32| if x < 0.0 { -x } else { x };
