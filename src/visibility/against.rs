@@ -1,7 +1,7 @@
 //! How many points lie against one blocker: signed distances from its plane and ratios to its edges, all at once.
 
 use super::blocker::Blocker;
-use crate::simd::{HotLoop, wide};
+use crate::simd::{HotLoop, widest};
 use glam::DVec3;
 
 /// Words of a row.
@@ -51,6 +51,12 @@ impl Places {
         }
     }
 
+    /// Where point `i` is.
+    #[inline(always)]
+    pub fn at(&self, i: usize) -> [f64; 3] {
+        [self.x[i], self.y[i], self.z[i]]
+    }
+
     /// Words with a point in them.
     pub fn words(&self) -> usize {
         self.count.div_ceil(32)
@@ -58,7 +64,7 @@ impl Places {
 
     /// The points whose distance above the plane `normal · x = offset` is more than `least`.
     pub fn above(&self, normal: DVec3, offset: f64, least: f64) -> Bits {
-        wide(Above { places: self, normal, offset, least })
+        widest(Above { places: self, normal, offset, least })
     }
 }
 
@@ -129,6 +135,23 @@ pub(super) struct Bounds {
     pub nearness: f32,
 }
 
+/// See [`Against::set`].
+struct Set<'a> {
+    against: &'a mut Against,
+    places: &'a Places,
+    usable: &'a Bits,
+    blocker: &'a Blocker,
+}
+
+impl HotLoop for Set<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.against.find(self.places, self.usable, self.blocker);
+    }
+}
+
 impl Against {
     pub const NONE: Against = Against {
         ratio: [[[0.0; 32]; WORDS]; 4],
@@ -139,8 +162,12 @@ impl Against {
     };
 
     /// Computes all for `places`, of which only `usable` count.
-    #[inline(always)]
     pub fn set(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
+        widest(Set { against: self, places, usable, blocker });
+    }
+
+    #[inline(always)]
+    fn find(&mut self, places: &Places, usable: &Bits, blocker: &Blocker) {
         let bands = blocker.bands();
         let usable = only_first(*usable, places.count);
         let ([(n, c), edges @ ..], Places { x, y, z, .. }) = (blocker.planes(), places);
@@ -197,10 +224,21 @@ impl Against {
             }
         }
         let bounds = Bounds {
-            lo: lo.map(|lanes| lanes.into_iter().fold(f32::MAX, f32::min)),
-            hi: hi.map(|lanes| lanes.into_iter().fold(f32::MIN, f32::max)),
-            nearness: 1.0 / nearest.into_iter().fold(f32::MAX, f32::min),
+            lo: lo.map(|lanes| fold(lanes, |a, b| if a < b { a } else { b })),
+            hi: hi.map(|lanes| fold(lanes, |a, b| if a > b { a } else { b })),
+            nearness: 1.0 / fold(nearest, |a, b| if a < b { a } else { b }),
         };
         self.bounds[side][w] = bounds;
     }
+}
+
+/// One of all lanes, by halves.
+#[inline(always)]
+fn fold(mut lanes: [f32; 8], pick: impl Fn(f32, f32) -> f32) -> f32 {
+    for half in [4, 2, 1] {
+        for i in 0..half {
+            lanes[i] = pick(lanes[i], lanes[i + half]);
+        }
+    }
+    lanes[0]
 }

@@ -8,7 +8,10 @@
 use super::against::{Against, LANES, Places};
 pub(super) use super::against::{Bits, SIDE, WORDS};
 use super::blocker::Blocker;
-use crate::simd::{HotLoop, wide};
+use super::known::Known;
+use crate::simd::{HotLoop, widest};
+use glam::Vec3;
+use std::ops::Range;
 
 /// Pairs that one blocker was the first to hide.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,40 +35,41 @@ pub(super) struct Block {
     pub unsure: [Bits; SIDE],
     /// The pairs that were tested one by one.
     pub tested: [Bits; SIDE],
-    from: Against,
-    to: Against,
-    /// How columns lie against surfaces, by the last digits of the surface's number.
-    known: Vec<Option<Box<Known>>>,
+    /// Used again and again,
+    scratch: [Against; 2],
+    /// and what is kept of rows and of columns.
+    known: [Known; 2],
 }
 
-/// How columns lie against a surface: blocks with the same columns come one after the other.
-#[derive(Debug)]
-struct Known {
-    /// First point and number of the columns, and number of the surface.
-    key: [usize; 3],
-    against: Against,
-}
-
-/// As many surfaces' are known at a time.
-const KNOWN: usize = 256;
-
-impl Block {
+impl Default for Block {
     /// A block without points.
-    pub fn new() -> Block {
+    fn default() -> Block {
         Block {
             rows: Places::NONE,
             columns: Places::NONE,
             open: [[0; WORDS]; SIDE],
             unsure: [[0; WORDS]; SIDE],
             tested: [[0; WORDS]; SIDE],
-            from: Against::NONE,
-            to: Against::NONE,
-            known: (0..KNOWN).map(|_| None).collect(),
+            scratch: [Against::NONE; 2],
+            known: [Known::new(), Known::new()],
         }
+    }
+}
+
+impl Block {
+    /// Makes its pairs those of `rows` and `columns`, ranges of the points in `position`; none is open.
+    pub fn begin(&mut self, rows: &Range<usize>, columns: &Range<usize>, position: &[Vec3]) {
+        let places = |of: &Range<usize>| position[of.clone()].iter().map(|p| p.as_dvec3());
+        self.rows.set(places(rows));
+        self.columns.set(places(columns));
+        let [of_rows, of_columns] = &mut self.known;
+        of_rows.begin(rows);
+        of_columns.begin(columns);
+        self.clear();
     }
 
     /// Forgets all pairs: none is open.
-    pub fn clear(&mut self) {
+    fn clear(&mut self) {
         let rows = 0..self.rows.count;
         self.open[rows.clone()].fill([0; WORDS]);
         self.unsure[rows.clone()].fill([0; WORDS]);
@@ -93,39 +97,56 @@ impl Block {
     }
 
     /// Closes the open pairs that `blocker` hides and marks those that it passes too close to call. No segment is
-    /// longer than `length`. Only the `rows` and `columns` given count.
-    pub fn test(&mut self, blocker: &Blocker, length: f64, rows: &Bits, columns: &Bits) -> Hidden {
-        wide(Test { block: self, blocker, length, rows, columns, key: None })
+    /// longer than `length`.
+    pub fn test(&mut self, blocker: &Blocker, length: f64) -> Hidden {
+        let Block { rows, columns, open, unsure, tested, scratch: [from, to], .. } = self;
+        let all = [u32::MAX; WORDS];
+        from.set(rows, &all, blocker);
+        to.set(columns, &all, blocker);
+        let words = [rows.words(), columns.words()];
+        widest(Close {
+            open,
+            unsure,
+            tested,
+            from,
+            to,
+            among: [&all; 2],
+            words,
+            doubt: doubt(blocker, length),
+        })
     }
 
-    /// [`Block::test`] against `surface`, with columns from point `first` on: how these lie against it is looked up if they were
-    /// asked about before.
+    /// [`Block::test`] against `surface`, for the rows and columns `among` which there are open pairs. How either side lies
+    /// against it is looked up if that was asked before; `reach` says which rows, 0, and which columns, 1, it may hide
+    /// anything from.
     pub fn test_known(
         &mut self,
         (blocker, surface): (&Blocker, u32),
         length: f64,
-        (rows, columns): (&Bits, &Bits),
-        first: usize,
+        among: [&Bits; 2],
+        reach: impl Fn(usize) -> Bits,
     ) -> Hidden {
-        let key = Some([first, self.columns.count, surface as usize]);
-        wide(Test { block: self, blocker, length, rows, columns, key })
+        let Block { rows, columns, open, unsure, tested, known: [of_rows, of_columns], .. } = self;
+        let words = [rows.words(), columns.words()];
+        let sides =
+            |of: &Against, k: usize| of.sides.map(|side| (0..words[k]).any(|w| side[w] & among[k][w] != 0));
+        let from = of_rows.against(surface, |from| from.set(rows, &reach(0), blocker));
+        let [front, back] = sides(from, 0);
+        if !front && !back {
+            return Hidden::default();
+        }
+        let to = of_columns.against(surface, |to| to.set(columns, &reach(1), blocker));
+        let [beyond_back, beyond_front] = sides(to, 1);
+        if !(front && beyond_front || back && beyond_back) {
+            return Hidden::default();
+        }
+        widest(Close { open, unsure, tested, from, to, among, words, doubt: doubt(blocker, length) })
     }
 }
 
 /// How many bits are set.
 pub(super) fn count(bits: &Bits) -> u64 {
     bits.iter().map(|w| u64::from(w.count_ones())).sum()
-}
-
-/// See [`Block::test`].
-struct Test<'a> {
-    block: &'a mut Block,
-    blocker: &'a Blocker,
-    length: f64,
-    rows: &'a Bits,
-    columns: &'a Bits,
-    /// Of [`Known`].
-    key: Option<[usize; 3]>,
 }
 
 /// What the r_k of two sets of points say of all their pairs.
@@ -152,37 +173,6 @@ fn bound(lo: [[f32; 4]; 2], hi: [[f32; 4]; 2], band: f32) -> Bound {
     }
 }
 
-impl HotLoop for Test<'_> {
-    type Output = Hidden;
-
-    #[inline(always)]
-    fn run(self) -> Hidden {
-        let Test { block, blocker, length, rows, columns, key } = self;
-        let Block { open, unsure, tested, from, to, known, .. } = block;
-        from.set(&block.rows, rows, blocker);
-        let words = [block.rows.words(), block.columns.words()];
-        if (0..words[0]).all(|w| from.sides[0][w] | from.sides[1][w] == 0) {
-            return Hidden::default();
-        }
-        let to = match key {
-            None => {
-                to.set(&block.columns, columns, blocker);
-                to
-            }
-            Some(key) => {
-                let slot = known[key[2] % KNOWN]
-                    .get_or_insert_with(|| Box::new(Known { key: [usize::MAX; 3], against: Against::NONE }));
-                if slot.key != key {
-                    slot.against.set(&block.columns, &[u32::MAX; WORDS], blocker);
-                    slot.key = key;
-                }
-                &mut slot.against
-            }
-        };
-        Close { open, unsure, tested, from, to, columns, words, doubt: doubt(blocker, length) }.run()
-    }
-}
-
 /// s_k above this is beyond doubt, and so is s_k below its opposite, m².
 fn doubt(blocker: &Blocker, length: f64) -> f32 {
     let bands = blocker.bands();
@@ -196,8 +186,8 @@ struct Close<'a> {
     tested: &'a mut [Bits; SIDE],
     from: &'a Against,
     to: &'a Against,
-    /// Those that count.
-    columns: &'a Bits,
+    /// The rows and the columns that count.
+    among: [&'a Bits; 2],
     /// Of the rows and of the columns.
     words: [usize; 2],
     doubt: f32,
@@ -208,11 +198,20 @@ impl HotLoop for Close<'_> {
 
     #[inline(always)]
     fn run(self) -> Hidden {
-        let Close { open, unsure, tested, from, to, columns, words: [row_words, column_words], doubt } = self;
+        let Close {
+            open,
+            unsure,
+            tested,
+            from,
+            to,
+            among: [rows, columns],
+            words: [row_words, column_words],
+            doubt,
+        } = self;
         let mut hidden = Hidden::default();
         for side in 0..2 {
             for v in 0..row_words {
-                let members = from.sides[side][v];
+                let members = from.sides[side][v] & rows[v];
                 if members == 0 {
                     continue;
                 }
@@ -298,12 +297,11 @@ mod tests {
     fn compare(random: &mut Random, rows: &[DVec3], columns: &[DVec3]) -> [u64; 4] {
         let surface = random.surface();
         let blocker = Blocker::new(&surface, &BANDS);
-        let mut block = Block::new();
+        let mut block = Block::default();
         block.rows.set(rows.iter().copied());
         block.columns.set(columns.iter().copied());
         block.open[..rows.len()].fill(span(0, columns.len()));
-        let all = [u32::MAX; WORDS];
-        let hidden = block.test(&blocker, 4.0, &all, &span(0, columns.len()));
+        let hidden = block.test(&blocker, 4.0);
         let (mut closed, mut unsure, mut free) = (0, 0, 0);
         for (i, from) in rows.iter().enumerate() {
             for (j, to) in columns.iter().enumerate() {
@@ -320,7 +318,7 @@ mod tests {
             }
         }
         assert_eq!(closed, hidden.proved + hidden.tested);
-        let again = block.test(&blocker, 4.0, &all, &span(0, columns.len()));
+        let again = block.test(&blocker, 4.0);
         assert_eq!(again.proved + again.tested, 0, "nothing is hidden twice");
         [hidden.proved, hidden.tested, unsure, free]
     }

@@ -53,6 +53,9 @@ impl Bands {
     }
 }
 
+/// Edges whose directions differ by less than this sine are parallel.
+const PARALLEL: f64 = 1e-9;
+
 /// What one surface does to all segments between two sets of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
@@ -70,6 +73,8 @@ pub(super) struct Blocker {
     /// Unit normal and offset of its plane, and of those through its edges, inward; a triangle's last is repeated.
     planes: [(DVec3, f64); 5],
     vertices: [DVec3; 4],
+    /// The directions of its edges, parallel ones but once, and how many these are.
+    edges: ([DVec3; 4], usize),
     bounds: Aabb,
     /// No polygon: all that is known of it is its box and what [`Round`] says.
     round: Option<Round>,
@@ -84,6 +89,7 @@ impl Blocker {
             return Blocker {
                 planes: [(DVec3::ZERO, 0.0); 5],
                 vertices: [round.centre(); 4],
+                edges: ([DVec3::ZERO; 4], 0),
                 bounds: round.bounds(),
                 round: Some(round.clone()),
                 bands: *bands,
@@ -111,6 +117,7 @@ impl Blocker {
         Blocker {
             planes: [(plane.normal, plane.offset), e0, e1, e2, e3],
             vertices: std::array::from_fn(|k| v[k.min(n - 1)]),
+            edges: directions(v),
             bounds: surface.bounds(),
             round: None,
             bands: Bands {
@@ -135,6 +142,11 @@ impl Blocker {
     /// Its corners; a triangle's last is repeated.
     pub fn vertices(&self) -> &[DVec3; 4] {
         &self.vertices
+    }
+
+    /// The directions of its edges, m; parallel ones but once.
+    pub fn edges(&self) -> &[DVec3] {
+        &self.edges.0[..self.edges.1]
     }
 
     /// The plane of the surface and those of its edges, as unit normals and offsets; a triangle's last is repeated.
@@ -203,6 +215,21 @@ impl Blocker {
         }
         if covers { Verdict::Covers } else { Verdict::Open }
     }
+}
+
+/// The sides of a polygon of up to four corners, those parallel to earlier ones left out, and their number.
+fn directions(v: &[DVec3]) -> ([DVec3; 4], usize) {
+    let (mut found, mut count) = ([DVec3::ZERO; 4], 0);
+    for k in 0..v.len() {
+        let edge = v[(k + 1) % v.len()] - v[k];
+        let parallel =
+            |other: &DVec3| edge.cross(*other).length() <= PARALLEL * edge.length() * other.length();
+        if !found[..count].iter().any(parallel) {
+            found[count] = edge;
+            count += 1;
+        }
+    }
+    (found, count)
 }
 
 /// Smallest and largest of four.

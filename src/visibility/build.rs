@@ -15,6 +15,7 @@ use crate::points::SamplePoints;
 use crate::scene::Geometry;
 use crate::tracers::RayTracer;
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// How to decide the pairs. The graph is the same for any settings but for pairs whose segment
@@ -36,6 +37,13 @@ impl Default for GraphSettings {
 
 /// Edges decided between two joins of the threads: enough to share, few enough to hold.
 const CHUNK: usize = 4096;
+
+/// Edges between so many voxels and as many others are decided one after the other: how their points lie against surfaces
+/// is found once for all of them.
+const NEAR: usize = 4;
+
+/// No thread takes more edges at a time.
+const TASK: usize = 4 * NEAR * NEAR;
 
 /// What all threads share while a graph is built.
 pub(super) struct Build<'a> {
@@ -145,21 +153,36 @@ impl<'a> Build<'a> {
         let count = edge_index(0, voxels);
         graph.edges.try_reserve_exact(count).map_err(|_| too_large(self.points))?;
         graph.cast.try_reserve_exact(count).map_err(|_| too_large(self.points))?;
+        // Blocks keep what they know from task to task.
+        let blocks: Mutex<Vec<Box<Block>>> = Mutex::default();
+        let pool = || blocks.lock().unwrap_or_else(PoisonError::into_inner);
         let mut edges = (0..voxels).flat_map(|b| (0..=b).map(move |a| (a, b)));
         loop {
             let chunk: Vec<(usize, usize)> = edges.by_ref().take(CHUNK).collect();
             if chunk.is_empty() {
                 break;
             }
-            let decided: Vec<VoxelPair> = chunk
-                .par_iter()
-                .map_init(Block::new, |block, &(a, b)| {
-                    let pair = decide(block, a, b);
+            let mut order: Vec<usize> = (0..chunk.len()).collect();
+            order.sort_unstable_by_key(|&k| {
+                let (a, b) = chunk[k];
+                (b / NEAR, a / NEAR, b, a)
+            });
+            let task = |task: &[usize]| {
+                let mut block = pool().pop().unwrap_or_default();
+                let decide = |&k: &usize| {
+                    let (a, b) = chunk[k];
+                    let pair = decide(&mut block, a, b);
                     observer.advance(pair.stats.pairs);
-                    pair
-                })
-                .collect();
-            for pair in decided {
+                    (k, pair)
+                };
+                let decided: Vec<(usize, VoxelPair)> = task.iter().map(decide).collect();
+                pool().push(block);
+                decided
+            };
+            let decided: Vec<_> = order.par_chunks(TASK).with_max_len(1).map(task).collect();
+            let mut decided: Vec<(usize, VoxelPair)> = decided.into_iter().flatten().collect();
+            decided.sort_unstable_by_key(|(k, _)| *k);
+            for (_, pair) in decided {
                 graph.push(pair).map_err(|()| too_large(self.points))?;
             }
         }

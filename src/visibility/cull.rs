@@ -118,10 +118,11 @@ pub(super) struct BoxShaft {
     along: DVec3,
 }
 
-/// A direction and what the shaft spans along it.
+/// A direction, of any length, and what the shaft spans along it.
 #[derive(Clone, Copy)]
 struct Axis {
     direction: DVec3,
+    length: f64,
     lo: f64,
     hi: f64,
 }
@@ -130,13 +131,13 @@ impl Axis {
     /// The axis at right angles to `along`, the line of centres of a shaft's `ends`, and to `edge`.
     fn between([a, b]: &[Aabb; 2], along: DVec3, edge: DVec3) -> Axis {
         // A zero axis spans nothing and separates nothing.
-        let direction = along.cross(edge).normalize_or_zero();
+        let direction = along.cross(edge);
         let ((a, ha), (b, hb)) = (extent(a, direction), extent(b, direction));
-        Axis { direction, lo: (a - ha).min(b - hb), hi: (a + ha).max(b + hb) }
+        Axis { direction, length: direction.length(), lo: (a - ha).min(b - hb), hi: (a + ha).max(b + hb) }
     }
 }
 
-/// Middle and half length of a box along `direction`.
+/// Middle and half of what a box spans along `direction`.
 fn extent(of: &Aabb, direction: DVec3) -> (f64, f64) {
     (direction.dot(of.centre()), 0.5 * direction.abs().dot(of.size()))
 }
@@ -158,10 +159,11 @@ impl BoxShaft {
             return true;
         }
         let v = blocker.vertices();
-        (0..4).any(|k| {
-            let axis = Axis::between(&self.ends, self.along, v[(k + 1) % 4] - v[k]);
+        blocker.edges().iter().any(|&edge| {
+            let axis = Axis::between(&self.ends, self.along, edge);
             let at = v.map(|p| axis.direction.dot(p));
             let (lo, hi) = (at[0].min(at[1]).min(at[2].min(at[3])), at[0].max(at[1]).max(at[2].max(at[3])));
+            let slack = slack * axis.length;
             hi < axis.lo - slack || lo > axis.hi + slack
         })
     }
@@ -172,6 +174,7 @@ impl BoxShaft {
             && of.max.cmpge(self.hull.min - slack3).all()
             && self.axes.iter().all(|axis| {
                 let (middle, half) = extent(of, axis.direction);
+                let slack = slack * axis.length;
                 middle + half >= axis.lo - slack && middle - half <= axis.hi + slack
             })
     }

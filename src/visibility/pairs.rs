@@ -3,6 +3,7 @@
 
 use super::against::span;
 use super::block::{Bits, Hidden, SIDE, WORDS, count};
+use super::blocker::Blocker;
 use super::build::Build;
 use super::patch::Patch;
 use super::tile::{Flank, PairWork, Tile, pays};
@@ -34,6 +35,14 @@ impl Build<'_> {
         self.patches_between(side).iter().map(|patch| (within(patch), patch)).collect()
     }
 
+    /// The points of a side that surface number `c` may hide anything from: it hides nothing from what it is not in front of.
+    pub fn reach(&self, blocker: &Blocker, c: u32, side: &[(Bits, &Patch)]) -> Bits {
+        let before = |patch: &Patch| c != patch.surface.0 && self.has_before(blocker, patch);
+        side.iter()
+            .filter(|(_, patch)| before(patch))
+            .fold([0; WORDS], |bits, (members, _)| std::array::from_fn(|w| bits[w] | members[w]))
+    }
+
     fn segment(&self, i: usize, j: usize) -> Segment {
         let position = &self.points.position;
         Segment { from: position[i], to: position[j] }
@@ -59,18 +68,12 @@ impl Build<'_> {
 impl PairWork<'_> {
     /// Makes the pairs of `rows` and `columns` those of the block; none is open. `columns` begin with a word.
     fn begin(&mut self, rows: Range<usize>, columns: Range<usize>) {
-        let places = |of: &Range<usize>| {
-            let position = &self.build.points.position;
-            of.clone().map(move |i| position[i].as_dvec3())
-        };
-        self.block.rows.set(places(&rows));
-        self.block.columns.set(places(&columns));
-        self.block.clear();
+        self.block.begin(&rows, &columns, &self.build.points.position);
         self.place = [rows.start, columns.start];
     }
 
-    /// Makes the pairs of `tile` the open ones of the block.
-    fn begin_tile(&mut self, tile: &Tile) {
+    /// Makes the pairs of `tile` the open ones of the block. Returns which points its rows and columns are.
+    fn begin_tile(&mut self, tile: &Tile) -> [Range<usize>; 2] {
         let ends = |of: &Flank, part: &Range<usize>| {
             let index = &of.index[part.clone()];
             index.first().copied().unwrap_or(0)..index.last().map_or(0, |last| last + 1)
@@ -78,7 +81,7 @@ impl PairWork<'_> {
         let (rows, mut columns) = (ends(&self.from, &tile.rows), ends(&self.to, &tile.columns));
         let first = columns.start - self.columns.start;
         columns.start -= first % 32;
-        self.begin(rows, columns);
+        self.begin(rows.clone(), columns.clone());
         let [row, column] = self.place;
         let mut members = [0; WORDS];
         for &j in &self.to.index[tile.columns.clone()] {
@@ -87,13 +90,13 @@ impl PairWork<'_> {
         for &i in &self.from.index[tile.rows.clone()] {
             self.block.open[i - row] = members;
         }
+        [rows, columns]
     }
 
     /// Tests every candidate of the tile, the last blocker first.
     pub fn test_tile(&mut self, tile: Tile) {
-        self.begin_tile(&tile);
-        let all = tile.pairs() as u64;
-        self.test_candidates(tile.candidates, tile.length, all, |_| Some((ALL, ALL)));
+        let [first, second] = self.begin_tile(&tile).map(|side| self.build.members(&side));
+        self.test_open(tile.candidates, tile.length, &first, &second);
     }
 
     /// Decides the pairs of a block of two voxels: by testing their `candidates` where they are few, else by rays. No
@@ -131,29 +134,6 @@ impl PairWork<'_> {
         if !self.build.hides(&self.open[candidates], i, j) {
             self.see_points(i, j);
         }
-    }
-
-    /// Decides the open pairs of the block by tests.
-    pub fn test_open(
-        &mut self,
-        candidates: Range<usize>,
-        length: f64,
-        first: &[(Bits, &Patch)],
-        second: &[(Bits, &Patch)],
-    ) {
-        let build = self.build;
-        let open = self.block.count_open();
-        let (rows, columns) = self.block.open_sides();
-        // A surface cannot hide what is in front of it, nor block from behind what faces away.
-        let reached = |c: u32, patches: &[(Bits, &Patch)], open: &Bits| {
-            let mut bits = [0; WORDS];
-            for (members, _) in patches.iter().filter(|(_, patch)| build.is_in_front(c, patch)) {
-                bits = std::array::from_fn(|w| bits[w] | members[w] & open[w]);
-            }
-            (bits != [0; WORDS]).then_some(bits)
-        };
-        let reach = |c: u32| Some((reached(c, first, &rows)?, reached(c, second, &columns)?));
-        self.test_candidates(candidates, length, open, reach);
     }
 
     /// Makes the pairs of `rows` and `columns` that face each other the open ones of the block, given the patches on
@@ -223,33 +203,32 @@ impl PairWork<'_> {
         }
     }
 
-    /// Tests the `candidates` on the open pairs of the block, the last blocker first; `reach` gives the rows and columns
-    /// that each may block between.
-    fn test_candidates(
+    /// Tests the `candidates` on the open pairs of the block, the last blocker first, given the patches on either side and their
+    /// points.
+    pub fn test_open(
         &mut self,
         candidates: Range<usize>,
         length: f64,
-        open: u64,
-        reach: impl Fn(u32) -> Option<(Bits, Bits)>,
+        first: &[(Bits, &Patch)],
+        second: &[(Bits, &Patch)],
     ) {
+        let build = self.build;
         if let Some(k) = candidates.clone().find(|&k| Some(self.open[k]) == self.last_blocker) {
             self.open.swap(candidates.start, k);
         }
-        let is_round = |c: u32| self.build.blockers[c as usize].round().is_some();
+        let is_round = |c: u32| build.blockers[c as usize].round().is_some();
         let round = self.open[candidates.clone()].iter().any(|&c| is_round(c));
-        let mut left = open;
+        let mut left = self.block.count_open();
+        let (rows, columns) = self.block.open_sides();
         for k in candidates.clone() {
             let c = self.open[k];
             if is_round(c) {
                 continue;
             }
-            let Some((rows, columns)) = reach(c) else { continue };
-            let Hidden { proved, tested } = self.block.test_known(
-                (&self.build.blockers[c as usize], c),
-                length,
-                (&rows, &columns),
-                self.place[1],
-            );
+            let blocker = &build.blockers[c as usize];
+            let reach = |side: usize| build.reach(blocker, c, [first, second][side]);
+            let Hidden { proved, tested } =
+                self.block.test_known((blocker, c), length, [&rows, &columns], reach);
             self.result.stats.proved += proved;
             if Some(c) == self.last_blocker {
                 self.result.stats.last_blocker += tested;
@@ -321,7 +300,7 @@ impl PairWork<'_> {
     fn mark(&mut self, c: u32, length: f64) {
         let polygon = self.build.blockers.get(c as usize).filter(|blocker| blocker.round().is_none());
         let Some(blocker) = polygon else { return };
-        let hidden = self.block.test(blocker, length, &ALL, &ALL);
+        let hidden = self.block.test(blocker, length);
         self.result.stats.last_blocker += hidden.proved + hidden.tested;
     }
 

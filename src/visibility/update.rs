@@ -1,9 +1,11 @@
 //! The graph of a scene in which some surfaces moved, came or went: the "rapid incremental method" that the paper
 //! leaves open.
 //!
-//! What two points see of each other changes only by surfaces that came or went between them. So the bits between points
-//! that stayed are copied wherever no such surface can come between the boxes around them; all others are
-//! decided anew. [`Block::test`] and what settles its doubts give the same answer wherever they are asked, but rays do not
+//! What two points that stayed see of each other changes only by surfaces that came or went between them: if they saw
+//! each other, only what came can change that; if they did not, only what went. So their bit is copied wherever no such
+//! surface can come between the boxes around some points each, or the segment passes by the boxes around such surfaces. All
+//! others are decided anew, by what came alone where all of a block saw each other.
+//! [`Block::test_known`] and what settles its doubts give the same answer wherever they are asked, but rays do not
 //! where a segment grazes something: where rays were cast, or are to be cast, nothing is copied but whole edges that
 //! nothing came near. So the graph has the bits of one that is built from nothing.
 
@@ -14,10 +16,11 @@ use super::cull::BoxShaft;
 use super::graph::{Edge, VisibilityGraph, stride_of};
 use super::kept::{Kept, Run};
 use super::pairs::set;
+use super::passing::Passing;
 use super::patch::Patch;
 use super::tile::{PairWork, VoxelPair, blocks, pays};
 use crate::error::Result;
-use crate::geometry::{Aabb, Surface};
+use crate::geometry::Aabb;
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, ObjectId};
@@ -74,18 +77,35 @@ struct Changed {
     slack: f64,
     /// One is no polygon.
     round: bool,
+    /// The boxes, for many segments at once.
+    passing: Vec<Passing>,
 }
 
 impl Changed {
-    fn new<'a>(surfaces: impl Iterator<Item = (ObjectId, &'a Surface)>, slack: f64) -> Self {
+    /// The surfaces `which` of a scene; `slack` is how far rounding may carry them, m.
+    fn new(of: &Geometry, which: &[u32], slack: f64) -> Self {
         let mut boxes: BTreeMap<ObjectId, Aabb> = BTreeMap::new();
         let mut round = false;
-        for (object, surface) in surfaces {
-            let bounds = boxes.entry(object).or_insert(Aabb::EMPTY);
+        for &s in which {
+            let surface = &of.surfaces[s as usize];
+            let bounds = boxes.entry(of.object[s as usize]).or_insert(Aabb::EMPTY);
             *bounds = bounds.union(surface.bounds());
             round |= surface.round().is_some();
         }
-        Changed { bounds: boxes.into_values().collect(), slack, round }
+        let bounds: Vec<Aabb> = boxes.into_values().collect();
+        let passing = bounds.iter().map(|b| Passing::new(b, slack, of.radius)).collect();
+        Changed { bounds, slack, round, passing }
+    }
+
+    /// Which of some `pairs` of a block one may come between.
+    fn between(&self, block: &Block, pairs: &[Bits; SIDE]) -> [Bits; SIDE] {
+        let mut found = [[0; WORDS]; SIDE];
+        if pairs[..block.rows.count].iter().any(|row| *row != [0; WORDS]) {
+            for passing in &self.passing {
+                passing.find([&block.rows, &block.columns], pairs, &mut found);
+            }
+        }
+        found
     }
 
     /// Whether one may come between two boxes.
@@ -169,11 +189,7 @@ impl<'a> Update<'a> {
             first_side.push(sides.len());
         }
         let slack = build.blockers.iter().map(|b| b.bands().slack).fold(0.0, f64::max);
-        let changed = |of: &'_ Geometry, which: &[u32]| {
-            let surfaces = which.iter().map(|&s| (of.object[s as usize], &of.surfaces[s as usize]));
-            Changed::new(surfaces, slack)
-        };
-        let (gone, come) = (changed(before, &kept.gone), changed(now, &kept.come));
+        let (gone, come) = (Changed::new(before, &kept.gone, slack), Changed::new(now, &kept.come, slack));
         let same =
             (0..build.points.voxels()).map(|v| same_voxel(build.points.voxel(v), graph, kept)).collect();
         Update { build, graph, kept, sides, first_side, same, gone, come }
@@ -264,50 +280,68 @@ impl<'a> Update<'a> {
                 return work.push_open();
             }
         }
-        let clear = if gone || come { self.clear_of_change(a, b) } else { [[u32::MAX; WORDS]; SIDE / GROUP] };
-        let mut copied = 0;
-        for r in 0..a.points.len() {
-            let Some(before) = self.kept.before(a.points.start + r) else { continue };
-            let (saw, known) = self.kept.row(self.graph, before, &b.runs);
-            let open = &mut work.block.open[r];
-            let settled: Bits =
-                std::array::from_fn(|w| open[w] & known[w] & b.stayed[w] & clear[r / GROUP][w]);
-            *open = std::array::from_fn(|w| open[w] & !settled[w]);
-            copied += count(&settled);
-            let seen = std::array::from_fn(|w| settled[w] & saw[w]);
-            work.see_words(a.points.start + r, b.points.start, &seen);
-        }
-        work.result.stats.copied += copied;
-        if copied < facing {
-            self.decide(work, [a, b], (&on_a, &on_b));
-        }
-    }
-
-    /// For each group of rows the columns that nothing gone or come can come between.
-    fn clear_of_change(&self, a: &Side, b: &Side) -> [Bits; SIDE / GROUP] {
-        let mut clear = [[0; WORDS]; SIDE / GROUP];
-        for (from, clear) in a.groups.iter().zip(&mut clear) {
-            for (k, to) in b.groups.iter().enumerate() {
-                let shaft = BoxShaft::new(from, to);
-                if !self.gone.touches(&shaft) && !self.come.touches(&shaft) {
-                    let columns = span(GROUP * k, GROUP * (k + 1));
-                    *clear = std::array::from_fn(|w| clear[w] | columns[w]);
-                }
-            }
-        }
-        clear
-    }
-
-    /// Decides the open pairs of a block by what can block between the points that they join.
-    fn decide(&self, work: &mut PairWork, sides: [&Side; 2], on: (Members, Members)) {
-        let (rows, columns) = work.block.open_sides();
-        let around = |side: &Side, bits: &Bits| {
-            let place = |k: usize| self.build.points.position[side.points.start + k].as_dvec3();
-            Aabb::around(set(bits).map(place))
+        let clear_of = |changed: &Changed, near: bool| match near {
+            true => clear_of(changed, a, b),
+            false => [[u32::MAX; WORDS]; SIDE / GROUP],
         };
-        let bounds = [around(sides[0], &rows), around(sides[1], &columns)];
+        let clear = [clear_of(&self.come, come), clear_of(&self.gone, gone)];
+        let saw = self.recall(work, [a, b], clear);
+        if work.block.open_sides().0 != [0; WORDS] {
+            self.decide(work, [a, b], (&on_a, &on_b), saw);
+        }
+    }
+
+    /// Closes the open pairs of a block that see of each other what they saw: those that did where nothing came between, those that
+    /// did not where nothing went. `clear` says so of columns, for each group of rows. Returns whether those that are left all
+    /// saw each other.
+    fn recall(&self, work: &mut PairWork, [a, b]: [&Side; 2], clear: [[Bits; SIDE / GROUP]; 2]) -> bool {
+        let rows = a.points.len();
+        // First those that saw each other, then those that did not; the first may still turn out to be clear of what came, the
+        // second of what went.
+        let mut asked = [[[0; WORDS]; SIDE]; 2];
+        let close = |work: &mut PairWork, r: usize, settled: [Bits; 2]| {
+            let open = &mut work.block.open[r];
+            *open = std::array::from_fn(|w| open[w] & !settled[0][w] & !settled[1][w]);
+            work.result.stats.copied += count(&settled[0]) + count(&settled[1]);
+            work.see_words(a.points.start + r, b.points.start, &settled[0]);
+        };
+        for r in 0..rows {
+            let Some(before) = self.kept.before(a.points.start + r) else { continue };
+            let (bits, known) = self.kept.row(self.graph, before, &b.runs);
+            let open = work.block.open[r];
+            let stayed: Bits = std::array::from_fn(|w| open[w] & known[w] & b.stayed[w]);
+            let were: [Bits; 2] =
+                [std::array::from_fn(|w| stayed[w] & bits[w]), std::array::from_fn(|w| stayed[w] & !bits[w])];
+            let clear = [clear[0][r / GROUP], clear[1][r / GROUP]];
+            for k in 0..2 {
+                asked[k][r] = std::array::from_fn(|w| were[k][w] & !clear[k][w]);
+            }
+            close(work, r, [0, 1].map(|k| std::array::from_fn(|w| were[k][w] & clear[k][w])));
+        }
+        let near = [self.come.between(work.block, &asked[0]), self.gone.between(work.block, &asked[1])];
+        for r in 0..rows {
+            close(work, r, [0, 1].map(|k| std::array::from_fn(|w| asked[k][r][w] & !near[k][r][w])));
+        }
+        work.block.open[..rows] == near[0][..rows]
+    }
+
+    /// The box around some points of a side.
+    fn around(&self, side: &Side, of: &Bits) -> Aabb {
+        let place = |k: usize| self.build.points.position[side.points.start + k].as_dvec3();
+        Aabb::around(set(of).map(place))
+    }
+
+    /// Decides the open pairs of a block by what can block between the points that they join: if they `saw` each other, only
+    /// what came.
+    fn decide(&self, work: &mut PairWork, sides: [&Side; 2], on: (Members, Members), saw: bool) {
+        let (rows, columns) = work.block.open_sides();
+        let bounds = [self.around(sides[0], &rows), self.around(sides[1], &columns)];
         let all = work.open.len();
         work.open_between([&bounds[0], &bounds[1]], usize::MAX);
+        if saw {
+            let mut at = 0..;
+            work.open.retain(|c| at.next() < Some(all) || self.kept.come.binary_search(c).is_ok());
+        }
         let candidates = all..work.open.len();
         if work.block.count_open() <= FEW {
             work.settle_open(candidates);
@@ -317,4 +351,18 @@ impl<'a> Update<'a> {
         }
         work.open.truncate(all);
     }
+}
+
+/// For each group of rows the columns that nothing `changed` can come between.
+fn clear_of(changed: &Changed, a: &Side, b: &Side) -> [Bits; SIDE / GROUP] {
+    let mut clear = [[0; WORDS]; SIDE / GROUP];
+    for (from, clear) in a.groups.iter().zip(&mut clear) {
+        for (k, to) in b.groups.iter().enumerate() {
+            if !changed.touches(&BoxShaft::new(from, to)) {
+                let columns = span(GROUP * k, GROUP * (k + 1));
+                *clear = std::array::from_fn(|w| clear[w] | columns[w]);
+            }
+        }
+    }
+    clear
 }
