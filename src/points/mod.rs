@@ -4,6 +4,7 @@
 mod by_light;
 mod cell;
 pub mod facing;
+mod groups;
 mod hierarchy;
 mod neighbours;
 mod piece;
@@ -12,6 +13,7 @@ mod subdivide;
 
 pub use by_light::{LightRefinement, LightRefiner};
 pub use cell::Cell;
+pub use groups::{Group, groups};
 pub use hierarchy::{Cluster, Hierarchy};
 pub use neighbours::MAX_EXTRA_LEVELS;
 pub use piece::Piece;

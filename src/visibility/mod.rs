@@ -16,6 +16,7 @@ mod flat;
 mod graph;
 mod kept;
 mod lights;
+mod link_search;
 mod links;
 mod pairs;
 mod patch;
