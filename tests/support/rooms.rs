@@ -76,7 +76,7 @@ pub fn ball(centre: DVec3, radius: f64, level: u32) -> Vec<[DVec3; 3]> {
     let sign = |bit: u32, i: u32| if i >> bit & 1 == 1 { -1.0 } else { 1.0 };
     let eighth = |i: u32| {
         let (x, y, z) = (sign(0, i) * DVec3::X, sign(1, i) * DVec3::Y, sign(2, i) * DVec3::Z);
-        if i.count_ones() % 2 == 0 { [x, y, z] } else { [y, x, z] }
+        if i.count_ones().is_multiple_of(2) { [x, y, z] } else { [y, x, z] }
     };
     let mut triangles: Vec<[DVec3; 3]> = (0..8).map(eighth).collect();
     for _ in 0..level {
