@@ -51,10 +51,7 @@ pub fn prepare(
     let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
     let voxels = Voxels::build(geometry, &settings.voxels);
     let points = points::sample(geometry, &sampling, &voxels)?;
-    let needs_pairs = graph_file.is_some()
-        || sampling.refine_solid_angle.is_some()
-        || settings.first_pass.solver == Solver::Shooting;
-    let many = points.len() > settings.most_paired && !needs_pairs;
+    let many = too_many_for_pairs(points.len(), &sampling, settings, graph_file);
     if let Some(links) = settings.links.or(many.then(LinkSettings::default)) {
         return link(geometry, (&sampling, settings, &links), (voxels, points), tracer, graph_file, observer);
     }
@@ -72,6 +69,19 @@ pub fn prepare(
     }
     let interpolator = Interpolator::new(geometry, &points, tracer);
     Ok(Prepared { voxels, points, graph, links: None, interpolator, graph_loaded: false })
+}
+
+/// Whether [`prepare`] makes links in place of a graph of so many `points` without being asked to.
+pub fn too_many_for_pairs(
+    points: usize,
+    sampling: &Sampling,
+    settings: &Settings,
+    graph_file: Option<&Path>,
+) -> bool {
+    let needs_pairs = graph_file.is_some()
+        || sampling.refine_solid_angle.is_some()
+        || settings.first_pass.solver == Solver::Shooting;
+    points > settings.most_paired && !needs_pairs
 }
 
 /// What [`prepare`] makes of `geometry`, to the bit, where `before` was prepared of another geometry: what both see alike is
@@ -142,10 +152,16 @@ fn link(
     if settings.first_pass.solver == Solver::Shooting {
         return refuse("light cannot be shot over links");
     }
-    let links = Links::build(geometry, &points, tracer, links, observer)?;
+    let links = Links::build(geometry, &points, tracer, &together(links, sampling, settings), observer)?;
     let interpolator = Interpolator::new(geometry, &points, tracer);
     let graph = VisibilityGraph::default();
     Ok(Prepared { voxels, points, graph, links: Some(links), interpolator, graph_loaded: false })
+}
+
+/// `links`, for which faces that are smaller than `sampling` asks for ask together for what is far away.
+fn together(links: &LinkSettings, sampling: &Sampling, settings: &Settings) -> LinkSettings {
+    let sampling = Sampling { area_factor: settings.area_factor, ..*sampling };
+    LinkSettings { together: Some(sampling), ..*links }
 }
 
 /// `prepared`, with elements divided where the light of `appearance` bends, if [`Settings::refinement`] asks for that: round
@@ -173,7 +189,7 @@ pub fn refine_by_light(
         let Some(elements) = finer else { break };
         let points = resample(geometry, &prepared.voxels, &elements);
         if prepared.links.is_some() {
-            let links = settings.links.unwrap_or_default();
+            let links = together(&settings.links.unwrap_or_default(), sampling, settings);
             prepared.links = Some(Links::build(geometry, &points, tracer, &links, observer)?);
         } else {
             let was = (geometry, &prepared.points);

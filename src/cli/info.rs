@@ -180,21 +180,21 @@ fn contents(scene: &Scene) -> Contents {
     for (surface, _) in divide_by_area(geometry, &scene.sampling) {
         points_on[surface.index()] += if geometry.two_sided[surface.index()] { 2 } else { 1 };
     }
-    let materials: Vec<MaterialLine> = scene
-        .appearance
-        .materials
-        .iter()
-        .enumerate()
-        .map(|(m, material)| {
-            let worn = (0..points_on.len()).filter(|&s| scene.appearance.surface_material[s].0 as usize == m);
-            let points = worn.clone().map(|s| points_on[s]).sum();
-            let (name, emits) = (material.name.clone(), material.emission.is_some());
-            MaterialLine { name, kind: kind(material), emits, surfaces: worn.count(), points }
-        })
-        .filter(|line| line.surfaces > 0)
-        .collect();
+    let described = &scene.appearance.materials;
+    // Surfaces and points of each material.
+    let mut counts = vec![(0, 0); described.len()];
+    for (points, material) in points_on.iter().zip(&scene.appearance.surface_material) {
+        let count = &mut counts[material.0 as usize];
+        *count = (count.0 + 1, count.1 + points);
+    }
     let worn =
-        || scene.appearance.materials.iter().filter(|m| materials.iter().any(|line| line.name == m.name));
+        || described.iter().zip(&counts).filter(|(_, count)| count.0 > 0).map(|(material, _)| material);
+    let line = |(material, &(surfaces, points)): (&Material, &(usize, usize))| {
+        let (name, emits) = (material.name.clone(), material.emission.is_some());
+        MaterialLine { name, kind: kind(material), emits, surfaces, points }
+    };
+    let materials: Vec<MaterialLine> =
+        described.iter().zip(&counts).map(line).filter(|line| line.surfaces > 0).collect();
     let glass = worn().any(|m| matches!(m.body, Body::Pane { .. } | Body::Solid { .. }));
     let specular = worn().any(Material::is_specular);
     let (mut requires, mut left_out) = (vec!["diffuse exchange"], Vec::new());
@@ -216,10 +216,11 @@ fn contents(scene: &Scene) -> Contents {
         two_sided_surfaces: geometry.two_sided.iter().filter(|&&t| t).count(),
         area_m2: geometry.surfaces.iter().map(|s| s.area).sum(),
         points: points_on.iter().sum(),
-        specular_points: worn()
-            .filter(|m| m.is_specular())
-            .flat_map(|m| materials.iter().filter(|line| line.name == m.name))
-            .map(|line| line.points)
+        specular_points: described
+            .iter()
+            .zip(&counts)
+            .filter(|(material, _)| material.is_specular())
+            .map(|(_, count)| count.1)
             .sum(),
         cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
         lights: lights(scene),

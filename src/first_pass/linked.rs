@@ -37,16 +37,16 @@ impl<'a> LinkedOperator<'a> {
         let mut weight = vec![0.0; links.cluster.len()];
         let mut rest = &mut weight[..];
         let mut tasks = Vec::new();
-        for first in (0..points.len()).step_by(ROWS) {
-            let rows = first..(first + ROWS).min(points.len());
-            let (own, others) = rest.split_at_mut(links.starts[rows.end] - links.starts[first]);
+        for rows in links.order.chunks(ROWS) {
+            let length = rows.iter().map(|&i| links.range(i as usize).len()).sum();
+            let (own, others) = rest.split_at_mut(length);
             tasks.push((rows, own));
             rest = others;
         }
         tasks.into_par_iter().for_each(|(rows, weight)| {
             let mut rest = weight;
-            for i in rows {
-                let (own, others) = rest.split_at_mut(links.starts[i + 1] - links.starts[i]);
+            for i in rows.iter().map(|&i| i as usize) {
+                let (own, others) = rest.split_at_mut(links.range(i).len());
                 rest = others;
                 for (weight, (c, share)) in own.iter_mut().zip(links.row(i)) {
                     *weight = share * operator.unhidden(i, c, kernel);
@@ -70,7 +70,7 @@ impl<'a> LinkedOperator<'a> {
 
     /// Links of point `i`: (cluster, w), sr.
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
-        let range = self.links.starts[i]..self.links.starts[i + 1];
+        let range = self.links.range(i);
         self.links.cluster[range.clone()].iter().map(|&c| c as usize).zip(self.weight[range].iter().copied())
     }
 
@@ -120,7 +120,7 @@ impl<'a> LinkedOperator<'a> {
                 .map(|_| cluster.whole as usize)
         };
         // Links to one surface follow each other.
-        let clusters = &self.links.cluster[self.links.starts[i]..self.links.starts[i + 1]];
+        let clusters = &self.links.cluster[self.links.range(i)];
         let mut rest = weight;
         for of_one in clusters.chunk_by(|&a, &b| whole_of(a) == whole_of(b)) {
             let (own, others) = rest.split_at_mut(of_one.len());

@@ -11,7 +11,7 @@ use super::source::Sources;
 use super::spectra::Spectra;
 use super::surfaces::{Shaped, shape};
 use super::touching;
-use super::{Appearance, Camera, Geometry, MaterialId, Scene, SceneDescription};
+use super::{Appearance, Camera, Geometry, Light, LightKind, MaterialId, Scene, SceneDescription};
 use crate::error::Result;
 use crate::geometry::SurfaceId;
 use crate::points::{Cell, Sampling};
@@ -42,6 +42,9 @@ pub fn scene(description: &SceneDescription) -> Result<Scene> {
         document.materials.get(part.material.as_str()).is_some_and(MaterialTable::needs_both_sides)
     };
     let Shaped { mut geometry, mut notes } = shape(description, &parts, both_sides)?;
+    for (object, pane) in geometry.object.iter().zip(&mut geometry.pane) {
+        *pane = pane_of(&document.materials, &parts[object.0 as usize]).is_some();
+    }
     let sampling = sampling(&description.sources, &document.sampling, &geometry)?;
     geometry.lights = lights::lights(description, geometry.centre, geometry.radius)?;
     geometry.zenith = skies::zenith(description)?;
@@ -66,7 +69,11 @@ pub fn appearance(description: &SceneDescription, geometry: &Geometry) -> Result
     }
     let parts = parts(description)?;
     let mut surface_material = Vec::with_capacity(geometry.surfaces.len());
-    for (object, two_sided) in geometry.object.iter().zip(&geometry.two_sided) {
+    let directional = |light: &Light| matches!(light.kind, LightKind::Directional { .. });
+    let looked_through = geometry.zenith.is_some() || geometry.lights.iter().any(directional);
+    for (object, (two_sided, pane)) in
+        geometry.object.iter().zip(geometry.two_sided.iter().zip(&geometry.pane))
+    {
         let Some(part) = parts.get(object.0 as usize) else {
             let message = "this geometry was not compiled from this scene file";
             return Err(sources.error(0, message));
@@ -80,12 +87,28 @@ pub fn appearance(description: &SceneDescription, geometry: &Geometry) -> Result
             );
             return Err(part.error(description, place, message));
         }
+        if !pane
+            && looked_through
+            && let Some(place) = pane_of(&document.materials, part)
+        {
+            let message = format!(
+                "object \"{}\" was no pane when it was found out where sun and sky come through panes; let it wear a pane in the \
+                 scene file, and the other material in a changes file",
+                part.name
+            );
+            return Err(part.error(description, place, message));
+        }
         // `parts` has checked that the material exists.
         surface_material.push(ids[part.material.as_str()]);
     }
     let lights = lights::sources(description, &compiler.spectra, geometry)?;
     let sky = skies::sky(description, &compiler.spectra, geometry.zenith)?;
     Ok(Appearance { materials, surface_material, lights, sky })
+}
+
+/// Where `part` is given a pane, if it wears one.
+fn pane_of(materials: &BTreeMap<Name, MaterialTable>, part: &Part) -> Option<usize> {
+    Some(materials.get(part.material.as_str())?.pane.as_ref()?.span().start)
 }
 
 /// The key that asks for both sides, if `part` wears a material that does.

@@ -79,6 +79,9 @@ pub struct Geometry {
     pub surfaces: Vec<Surface>,
     /// Per surface: whether its back has sample points too.
     pub two_sided: Vec<bool>,
+    /// Per surface: whether light may go straight through it, which takes two sides. All that have two until a scene file
+    /// tells which wear panes.
+    pub pane: Vec<bool>,
     /// Per surface: the patch it belongs to. Surfaces of one patch are pieces of one smooth
     /// surface (the two triangles of a warped quadrilateral) and are interpolated across.
     pub patch: Vec<u32>,
@@ -107,6 +110,7 @@ impl Geometry {
             radius: if shapes.is_empty() { 0.0 } else { 0.5 * bounds.size().length() },
             surfaces: Vec::with_capacity(shapes.len()),
             two_sided: Vec::with_capacity(shapes.len()),
+            pane: Vec::new(),
             patch: Vec::with_capacity(shapes.len()),
             object: Vec::with_capacity(shapes.len()),
             objects,
@@ -120,6 +124,7 @@ impl Geometry {
             geometry.patch.push(patch);
             geometry.object.push(object);
         }
+        geometry.pane = geometry.two_sided.clone();
         geometry
     }
 

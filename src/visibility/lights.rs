@@ -47,7 +47,7 @@ impl LightSight {
             passages: Passages::default(),
             sky: SkySight::look(geometry, points, tracer),
         };
-        let passes = geometry.two_sided.iter().any(|t| *t);
+        let passes = geometry.pane.iter().any(|p| *p);
         for (light, row) in geometry.lights.iter().zip(sight.words.chunks_mut(stride.max(1))) {
             let directional = matches!(light.kind, LightKind::Directional { .. });
             let seen: Vec<Vec<(u32, Vec<SurfaceId>)>> = row
@@ -81,6 +81,11 @@ impl LightSight {
     pub fn lit(&self, light: usize, i: usize) -> bool {
         let LightSight { words, stride, .. } = self;
         i / 32 < *stride && words.get(light * stride + i / 32).is_some_and(|w| w >> (i % 32) & 1 == 1)
+    }
+
+    /// Ways through panes that count as blocked, because there are too many rows of panes to tell apart.
+    pub fn lost(&self) -> u64 {
+        self.passages.lost + self.sky.passages.lost
     }
 
     /// Whether it is known what the lights of `geometry` reach.

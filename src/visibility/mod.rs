@@ -17,6 +17,7 @@ mod graph;
 mod kept;
 mod known;
 mod lights;
+mod link_search;
 mod links;
 mod pairs;
 mod passing;

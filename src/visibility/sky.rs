@@ -1,7 +1,7 @@
 //! What sample points see of the sky.
 //!
 //! That is geometry: for every point and every patch of directions the projected solid angle of what nothing hides,
-//! apart by the surfaces with two sides that stand in the way, since glass among them lets light through. It is found
+//! apart by the panes that stand in the way, since they let light through. It is found
 //! out with the graph, and no graph file keeps it. Whatever light a sky gives, no ray is cast again.
 
 use super::patches::Patches;
@@ -64,7 +64,7 @@ impl<'a> SkyGaze<'a> {
 
     /// Asks `finer` times as many cells along a side where something begins to hide the sky.
     pub fn new(geometry: &'a Geometry, tracer: &'a dyn RayTracer, patches: &'a Patches, finer: u32) -> Self {
-        let passes = geometry.two_sided.iter().any(|t| *t);
+        let passes = geometry.pane.iter().any(|p| *p);
         SkyGaze { geometry, tracer, patches, fine: FINE * finer, passes }
     }
 

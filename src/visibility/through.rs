@@ -1,4 +1,4 @@
-//! Surfaces that straight light may pass: those with two sides, for glass has these.
+//! Surfaces that straight light may pass: panes of glass.
 
 use crate::geometry::{Ray, SurfaceId};
 use crate::scene::Geometry;
@@ -16,11 +16,13 @@ const MOST_LISTS: usize = u16::MAX as usize;
 pub struct Passages {
     lists: Vec<Vec<SurfaceId>>,
     numbers: BTreeMap<Vec<SurfaceId>, u16>,
+    /// Ways that got no number, because there are too many lists: nothing comes through.
+    pub lost: u64,
 }
 
 impl Default for Passages {
     fn default() -> Self {
-        Passages { lists: vec![Vec::new()], numbers: BTreeMap::from([(Vec::new(), 0)]) }
+        Passages { lists: vec![Vec::new()], numbers: BTreeMap::from([(Vec::new(), 0)]), lost: 0 }
     }
 }
 
@@ -31,6 +33,7 @@ impl Passages {
             return Some(known);
         }
         if self.lists.len() > MOST_LISTS {
+            self.lost += 1;
             return None;
         }
         let number = self.lists.len() as u16;
@@ -44,7 +47,7 @@ impl Passages {
         &self.lists
     }
 
-    /// The planar surfaces with two sides on the way from `from` to `to`; `None` if anything else is there.
+    /// The planar panes on the way from `from` to `to`; `None` if anything else is there.
     pub fn walk(
         geometry: &Geometry,
         tracer: &dyn RayTracer,
@@ -77,8 +80,7 @@ impl Passages {
             for k in 0..rays.len() {
                 let Some(hit) = hits[k] else { continue };
                 let own = &mut lists[whose[k]];
-                let passes =
-                    geometry.two_sided[hit.surface.index()] && geometry.surface(hit.surface).is_planar();
+                let passes = geometry.pane[hit.surface.index()] && geometry.surface(hit.surface).is_planar();
                 match own {
                     Some(list) if passes && list.len() < MOST => {
                         list.push(hit.surface);

@@ -2,7 +2,7 @@
 
 use crate::rooms;
 use crate::small_scenes::*;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use luxgraph::error::Error;
 use luxgraph::first_pass::form_factor::projected_solid_angle;
 use luxgraph::first_pass::linked::LinkedOperator;
@@ -16,7 +16,7 @@ use luxgraph::report::bench::linked::{Difference, difference};
 use luxgraph::scene::{Distribution, Geometry, Light, LightKind, MaterialId, ObjectId, SampledAppearance};
 use luxgraph::settings::Settings;
 use luxgraph::tracers::{TracerChoice, brute_force::BruteForce, choose};
-use luxgraph::visibility::{LinkSettings, Links, VisibilityGraph};
+use luxgraph::visibility::{LinkSettings, LinkStats, Links, VisibilityGraph};
 use std::path::Path;
 
 fn of(tolerance: f64) -> LinkSettings {
@@ -48,17 +48,23 @@ impl Lit {
 
     /// How far light over links is from light between all pairs, for each tolerance.
     fn errors(&self, tolerances: &[f64]) -> Vec<Difference> {
+        let settings = tolerances.iter().map(|&tolerance| of(tolerance)).collect::<Vec<_>>();
+        self.errors_of(&settings).into_iter().map(|(error, _)| error).collect()
+    }
+
+    /// The same for each of some settings, with what the links are.
+    fn errors_of(&self, links: &[LinkSettings]) -> Vec<(Difference, LinkStats)> {
         let settings = FirstPassSettings::default();
         let Lit { geometry, points, appearance } = self;
         let all = solve(geometry, points, &self.graph(), appearance, &settings, &Silent).unwrap();
-        let error = |&tolerance: &f64| {
-            let links = self.links(&of(tolerance));
+        let error = |of: &LinkSettings| {
+            let links = self.links(of);
             let linked = self.over(&links, &settings);
             let error = difference(points, appearance, &all, &linked);
-            println!("{tolerance}: {} links, {error:?}", links.stats.links);
-            error
+            println!("{}: {:?}, {error:?}", of.tolerance, links.stats);
+            (error, links.stats)
         };
-        tolerances.iter().map(error).collect()
+        links.iter().map(error).collect()
     }
 }
 
@@ -93,6 +99,48 @@ fn furnished(max_area: f64) -> Lit {
         sky: None,
     };
     Lit { geometry, points, appearance }
+}
+
+/// The sampling of [`bowl_and_ball`].
+const COARSE: f64 = 0.08;
+
+/// A bowl of many small faces under a ball of such, in a room with a lamp.
+fn bowl_and_ball() -> Lit {
+    let mut room = rooms::Furniture::default();
+    room.block(DVec3::ONE, DVec3::ONE, DMat3::IDENTITY, true);
+    let lamp = [[0.8, 0.8], [0.8, 1.2], [1.2, 1.2], [1.2, 0.8]];
+    room.quad(lamp.map(|[x, y]| DVec3::new(x, y, 1.9)), false);
+    room.smooth(rooms::ball(DVec3::new(1.1, 1.0, 0.9), 0.2, 4));
+    let half = |radius| {
+        let below = |t: &[DVec3; 3]| t.iter().all(|v| v.z < 0.7 + 1e-9);
+        rooms::ball(DVec3::new(1.0, 1.0, 0.7), radius, 4).into_iter().filter(below)
+    };
+    room.smooth(half(0.52));
+    room.smooth(half(0.5).map(|[a, b, c]| [c, b, a]));
+    let geometry = room.geometry();
+    let points = rooms::sample(&geometry, COARSE, 4);
+    let appearance = SampledAppearance {
+        wavelengths: wavelengths(),
+        materials: vec![diffuse(0.6, 0.0), diffuse(0.3, 20.0)],
+        surface_material: (0..geometry.surfaces.len()).map(|s| MaterialId(u32::from(s == 6))).collect(),
+        lights: Vec::new(),
+        sky: None,
+    };
+    Lit { geometry, points, appearance }
+}
+
+fn together() -> LinkSettings {
+    LinkSettings { together: Some(Sampling::by_area(COARSE)), ..LinkSettings::default() }
+}
+
+#[test]
+fn small_faces_that_ask_together_are_lit_as_over_all_pairs() {
+    let found = bowl_and_ball().errors_of(&[LinkSettings::default(), together()]);
+    let [(alone, apart), (grouped, shared)] = &found[..] else { panic!("two of them") };
+    assert!(apart.groups > 3 * shared.groups, "{apart:?} {shared:?}");
+    assert!(3 * shared.rays_cast < 2 * apart.rays_cast, "{apart:?} {shared:?}");
+    assert!(alone.irradiance < 0.01 && grouped.irradiance < 0.01, "{alone:?} {grouped:?}");
+    assert!(grouped.bias.abs() < 0.01, "{grouped:?}");
 }
 
 #[test]
@@ -157,9 +205,16 @@ fn a_furnished_room_is_lit_as_over_all_pairs() {
 
 #[test]
 fn no_link_to_a_cluster_is_wrong_by_more_than_the_tolerance() {
-    let lit = small_hall(0.3);
+    let (clusters, worst) = worst_link(&small_hall(0.3), &of(0.01));
+    assert!(clusters > 10_000 && worst < 0.01);
+    let (clusters, worst) = worst_link(&bowl_and_ball(), &together());
+    assert!(clusters > 100_000 && worst < 0.01);
+}
+
+/// How many links to clusters there are, and by what form factor the worst is wrong.
+fn worst_link(lit: &Lit, settings: &LinkSettings) -> (usize, f64) {
     let (points, graph) = (&lit.points, lit.graph());
-    let links = lit.links(&of(0.01));
+    let links = lit.links(settings);
     // Any radiance up to 1; the plain kernel leaves nothing to make up for.
     let radiance: Vec<f64> = (0..points.len()).map(|i| (i * 7919 % 1009) as f64 / 1009.0).collect();
     let operator = LinkedOperator::new(points, &links, Kernel::Paper);
@@ -183,16 +238,21 @@ fn no_link_to_a_cluster_is_wrong_by_more_than_the_tolerance() {
         }
     }
     println!("{clusters} links to clusters, the worst wrong by a form factor of {worst}");
-    assert!(clusters > 10_000 && worst < 0.01);
+    (clusters, worst)
 }
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let lit = furnished(0.1);
+    for (lit, settings) in [(furnished(0.1), LinkSettings::default()), (bowl_and_ball(), together())] {
+        alike_on_any_number_of_threads(&lit, &settings);
+    }
+}
+
+fn alike_on_any_number_of_threads(lit: &Lit, settings: &LinkSettings) {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let links = lit.links(&LinkSettings::default());
+            let links = lit.links(settings);
             let solution = lit.over(&links, &FirstPassSettings::default());
             (links.cluster, links.share, solution.radiance)
         })

@@ -249,6 +249,7 @@ fn skies_change_without_a_ray() {
     let dark = changed(&format!("{sun_off}[sky]\nzenith_luminance = 0\n")).expect("fits");
     assert_eq!(dark, 0.0);
     for (text, part) in [
+        ("[materials.grey]\npane = { index = 1.5 }\n", "both sides"),
         ("[sky]\ntype = \"clear\"\n", "give `sun`"),
         ("[sky]\nup = [0, 1, 0]\n", "stays where the scene file has it"),
         ("[sky]\ntype = 17\n", "1 to 15"),
@@ -262,6 +263,28 @@ fn skies_change_without_a_ray() {
                 assert!(message.contains(part) && path.ends_with("c.toml"), "{text}\n{message}");
             }
             other => panic!("{text}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn what_was_no_pane_cannot_become_one_under_the_sky() {
+    let folder = Folder::new();
+    let blind = "[materials.blind]\nreflectance = 0.5\ntwo_sided = true\n";
+    let window = GLASS.replace("\"glass\"", "\"blind\"");
+    let changes = folder.write("c.toml", "format = 1\n[assign]\nwindow = \"glass\"\n");
+    for (light, refused) in [(SKY, true), (SUN, true), ("", false)] {
+        let path = folder.write(
+            "s.toml",
+            format!("{}{window}{light}", ROOM.replacen("[[objects]]", &format!("{blind}[[objects]]"), 1)),
+        );
+        let geometry = load(&path).expect("loads").geometry;
+        let description = SceneDescription::read(&path).expect("reads");
+        let appearance = description.changed(&changes).and_then(|d| d.appearance(&geometry));
+        match appearance {
+            Ok(_) => assert!(!refused),
+            Err(Error::Scene { message, .. }) => assert!(refused && message.contains("no pane"), "{message}"),
+            Err(other) => panic!("{other}"),
         }
     }
 }

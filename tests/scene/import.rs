@@ -289,6 +289,41 @@ fn damaged_gltf_fails_with_a_reason() {
     assert!(error.contains("not finite"), "{error}");
 }
 
+#[test]
+fn lights_are_counted_and_held_to_what_can_be_computed() {
+    let folder = Folder::new();
+    for intensity in ["1e30", "-5"] {
+        let text = square_gltf().replacen("\"intensity\":100", &format!("\"intensity\":{intensity}"), 1);
+        let scene = load(&folder.write("s.gltf", text)).expect("loads");
+        assert_eq!(scene.geometry.lights.len(), 2);
+        assert!(
+            scene.notes.iter().any(|n| n.contains("less than nothing or more than")),
+            "{:?}",
+            scene.notes
+        );
+    }
+    let light = r#",{"extensions":{"KHR_lights_punctual":{"light":0}}}"#;
+    let last = r#"{"extensions":{"KHR_lights_punctual":{"light":2}}}]"#;
+    let many =
+        square_gltf().replacen(last, &format!("{}{}]", &last[..last.len() - 1], light.repeat(10_000)), 1);
+    let children: Vec<String> = (4..10_007).map(|k| k.to_string()).collect();
+    let many = many.replacen("\"children\":[4,5,6]", &format!("\"children\":[{}]", children.join(",")), 1);
+    let error = load(&folder.write("s.gltf", many)).expect_err("too many").to_string();
+    assert!(error.contains("more than 10000 lights"), "{error}");
+}
+
+#[test]
+fn light_goes_straight_through_panes_alone() {
+    let folder = Folder::new();
+    folder.write("box.mtl", BOX_MTL);
+    let solid = load(&folder.write("box.obj", BOX_OBJ)).expect("loads").geometry;
+    assert!(solid.two_sided.contains(&true) && !solid.pane.contains(&true), "the cube is a body");
+    // A cube without its last face is a sheet.
+    let open =
+        load(&folder.write("open.obj", BOX_OBJ.replace("f -7 -6 -2 -3\n", ""))).expect("loads").geometry;
+    assert_eq!(open.pane.iter().filter(|p| **p).count(), 5);
+}
+
 /// Bytes of `whole`, some of them others, some cut out, and the end perhaps missing.
 fn damaged(whole: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
     let n = whole.len();

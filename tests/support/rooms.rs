@@ -23,6 +23,13 @@ impl Furniture {
         self.shapes.push((Shape::Triangle(v), two_sided, patch, ObjectId(0)));
     }
 
+    /// Triangles that are one smooth surface.
+    pub fn smooth(&mut self, triangles: impl IntoIterator<Item = [DVec3; 3]>) {
+        let patch = self.shapes.len() as u32;
+        let shapes = triangles.into_iter().map(|t| (Shape::Triangle(t), false, patch, ObjectId(0)));
+        self.shapes.extend(shapes);
+    }
+
     /// A box of half extents `half` about `centre`, turned by `turn`; its faces look outwards, or
     /// inwards for a room.
     pub fn block(&mut self, centre: DVec3, half: DVec3, turn: DMat3, inwards: bool) {
@@ -62,6 +69,24 @@ impl Furniture {
     pub fn geometry(self) -> Geometry {
         Geometry::new(self.shapes, vec!["room".into()])
     }
+}
+
+/// A ball of 8 x 4^`level` triangles, seen from outside.
+pub fn ball(centre: DVec3, radius: f64, level: u32) -> Vec<[DVec3; 3]> {
+    let sign = |bit: u32, i: u32| if i >> bit & 1 == 1 { -1.0 } else { 1.0 };
+    let eighth = |i: u32| {
+        let (x, y, z) = (sign(0, i) * DVec3::X, sign(1, i) * DVec3::Y, sign(2, i) * DVec3::Z);
+        if i.count_ones().is_multiple_of(2) { [x, y, z] } else { [y, x, z] }
+    };
+    let mut triangles: Vec<[DVec3; 3]> = (0..8).map(eighth).collect();
+    for _ in 0..level {
+        let quarters = |[a, b, c]: [DVec3; 3]| {
+            let [p, q, r] = [(a, b), (b, c), (c, a)].map(|(a, b)| (a + b).normalize());
+            [[a, p, r], [p, b, q], [r, q, c], [p, q, r]]
+        };
+        triangles = triangles.into_iter().flat_map(quarters).collect();
+    }
+    triangles.into_iter().map(|t| t.map(|v| centre + radius * v)).collect()
 }
 
 /// A room of 5 x 4 x 2.8 m with a table, boxes square and turned, and a two-sided pane: 62 quads;

@@ -133,6 +133,7 @@ fn size(
     let sampling = points::Sampling { area_factor: factor, ..scene.sampling };
     let mut stages = [Cost::default(); STAGES.len()];
     let [sampled, linked, set_up, solved] = &mut stages;
+    let link_settings = &LinkSettings { together: Some(sampling), ..*link_settings };
     let points = timed(sampled, || {
         let voxels = Voxels::build(geometry, &settings.voxels);
         points::sample(geometry, &sampling, &voxels)

@@ -6,7 +6,7 @@ use super::mesh::{Face, Material, Model};
 use super::note;
 use super::shell::{Shell, shell};
 use glam::DVec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::PathBuf;
 
 /// A material before it is known what its faces make.
@@ -27,20 +27,19 @@ const MOST_LIGHTS: usize = 64;
 /// Makes the materials of `model`, turns faces of glass that look inwards, and says what was decided.
 pub fn dress(model: &mut Model, described: Vec<Described>) {
     let lights = lights(model, &described);
+    let worn = worn(model);
     let mut decided: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for Described { name, mut look, place, file } in described {
         let mut made = Shell::Sheet;
         if look.is_glass() {
-            let worn = |f: &&Face| model.parts[f.part as usize].material.as_deref() == Some(&name);
-            let faces: Vec<&Face> = model.faces.iter().filter(worn).collect();
+            let worn = worn.get(&name).map_or(&[][..], |of| of);
+            let faces: Vec<&Face> = worn.iter().map(|&f| &model.faces[f]).collect();
             made = shell(&faces, &model.vertices, &lights);
             let what = match made {
                 _ if faces.is_empty() => None,
                 Shell::Solid { .. } => Some("glass that encloses a volume is a `solid`"),
                 Shell::InsideOut { .. } => {
-                    let parts = &model.parts;
-                    let worn = |f: &&mut Face| parts[f.part as usize].material.as_deref() == Some(&name);
-                    model.faces.iter_mut().filter(worn).for_each(turn);
+                    worn.iter().for_each(|&f| turn(&mut model.faces[f]));
                     Some(
                         "glass that encloses a volume is a `solid`; its faces looked inwards and were turned",
                     )
@@ -53,8 +52,8 @@ pub fn dress(model: &mut Model, described: Vec<Described>) {
             }
         }
         if look.two_sided {
-            let worn = |f: &&Face| model.parts[f.part as usize].material.as_deref() == Some(&name);
-            let faces: Vec<&Face> = model.faces.iter().filter(worn).collect();
+            let worn = worn.get(&name).map_or(&[][..], |of| of);
+            let faces: Vec<&Face> = worn.iter().map(|&f| &model.faces[f]).collect();
             // No light ever reaches the inside of a closed body that has none in it.
             if matches!(shell(&faces, &model.vertices, &lights), Shell::Solid { .. }) {
                 look.two_sided = false;
@@ -76,6 +75,20 @@ pub fn dress(model: &mut Model, described: Vec<Described>) {
     decided.iter().for_each(|what| model.note(what));
 }
 
+/// The faces that wear each material.
+fn worn(model: &Model) -> HashMap<String, Vec<usize>> {
+    let mut worn: HashMap<String, Vec<usize>> = HashMap::new();
+    let mut by_part = vec![Vec::new(); model.parts.len()];
+    model.faces.iter().enumerate().for_each(|(f, face)| by_part[face.part as usize].push(f));
+    for (part, faces) in model.parts.iter().zip(by_part) {
+        if let Some(material) = &part.material {
+            worn.entry(material.clone()).or_default().extend(faces);
+        }
+    }
+    worn.values_mut().for_each(|faces| faces.sort_unstable());
+    worn
+}
+
 fn turn(face: &mut Face) {
     let count = usize::from(face.count);
     face.corners[..count].reverse();
@@ -88,10 +101,10 @@ fn turn(face: &mut Face) {
 /// Middles of some of the faces that emit.
 fn lights(model: &Model, described: &[Described]) -> Vec<DVec3> {
     const DARK: Rgb = [0.0; 3];
-    let bright: Vec<&str> =
+    let bright: HashSet<&str> =
         described.iter().filter(|d| d.look.emission != DARK).map(|d| d.name.as_str()).collect();
     let emits =
-        |f: &&Face| model.parts[f.part as usize].material.as_deref().is_some_and(|m| bright.contains(&m));
+        |f: &&Face| model.parts[f.part as usize].material.as_deref().is_some_and(|m| bright.contains(m));
     let places: Vec<DVec3> = model
         .faces
         .iter()

@@ -25,6 +25,10 @@ use toml::Spanned;
 const MOST_FACES: usize = 4_000_000;
 /// Vertices at most, those that no triangle uses too.
 const MOST_VERTICES: usize = 3 * MOST_FACES;
+/// More lights than this are refused: each is asked for from every sample point.
+const MOST_LIGHTS: usize = 10_000;
+/// Lights of more are left out, cd or lx.
+const MOST_LIGHT: f64 = 1e15;
 /// Nodes may stand below each other so deep.
 const DEEPEST: usize = 1000;
 
@@ -212,7 +216,7 @@ impl Reader<'_> {
         }
         let light = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
         if let Some(light) = light {
-            self.light(light.light.value(), index, node, place);
+            self.light(light.light.value(), index, node, place)?;
         }
         if let Some(camera) = node.camera {
             self.camera(camera.value(), index, node, place);
@@ -322,15 +326,22 @@ impl Reader<'_> {
         }
     }
 
-    fn light(&mut self, light: usize, index: usize, node: &Node, place: DMat4) {
+    fn light(&mut self, light: usize, index: usize, node: &Node, place: DMat4) -> Read {
         let lights = self.root.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
-        let Some(light) = lights.and_then(|l| l.lights.get(light)) else { return };
-        let Checked::Valid(kind) = light.type_ else { return };
+        let Some(light) = lights.and_then(|l| l.lights.get(light)) else { return Ok(()) };
+        let Checked::Valid(kind) = light.type_ else { return Ok(()) };
         let colour = light.color.map(|x| f64::from(x).clamp(0.0, 1e6));
         let luminance = linear_srgb_luminance(colour);
         let amount = f64::from(light.intensity) * luminance;
-        if !(amount > 0.0 && amount <= 1e15) {
-            return;
+        if !(amount > 0.0 && amount <= MOST_LIGHT) {
+            if amount != 0.0 {
+                self.ignored
+                    .insert(format!("lights of less than nothing or more than {MOST_LIGHT:e} cd or lx"));
+            }
+            return Ok(());
+        }
+        if self.model.lights.len() == MOST_LIGHTS {
+            return Err(format!("there are more than {MOST_LIGHTS} lights; leave some out"));
         }
         let called = node.name.as_ref().or(light.name.as_ref()).filter(|n| !n.is_empty());
         let name = self.unique(called.cloned().unwrap_or_else(|| format!("light {index}")));
@@ -376,6 +387,7 @@ impl Reader<'_> {
             }
         }
         self.model.lights.push(table);
+        Ok(())
     }
 
     fn camera(&mut self, camera: usize, index: usize, node: &Node, place: DMat4) {

@@ -123,6 +123,13 @@ impl Model {
             let split = made.split;
             self.note(format_args!("{split} {were} with more than four corners divided"));
         }
+        if made.lost > 0 {
+            let were = if made.lost == 1 { "polygon" } else { "polygons" };
+            let lost = made.lost;
+            self.note(format_args!(
+                "{lost} {were} with more than four corners that enclose no area left out"
+            ));
+        }
         if made.merged > 0 {
             let merged = made.merged;
             self.note(format_args!("{merged} pairs of triangles in one plane taken as quadrilaterals"));
@@ -159,6 +166,7 @@ pub struct Polygons {
     /// By face.
     normals: Vec<[u32; 4]>,
     split: usize,
+    lost: usize,
 }
 
 /// What became of the polygons.
@@ -169,6 +177,8 @@ pub struct Faces {
     pub patches: u32,
     /// Polygons with more than four corners that were divided.
     pub split: usize,
+    /// Such polygons that enclose nothing.
+    pub lost: usize,
     /// Pairs of triangles that became quadrilaterals.
     pub merged: usize,
     /// Faces that go on smoothly around an edge.
@@ -188,7 +198,12 @@ impl Polygons {
             return add(corners);
         }
         let points: Vec<DVec3> = corners.iter().map(|c| vertices[c.vertex as usize]).collect();
-        for triangle in polygon::triangles(&points) {
+        let triangles = polygon::triangles(&points);
+        if triangles.is_empty() {
+            self.lost += 1;
+            return;
+        }
+        for triangle in triangles {
             add(&triangle.map(|k| corners[k]));
         }
         self.split += 1;
@@ -196,11 +211,11 @@ impl Polygons {
 
     /// Joins what is smooth and merges what is flat. `vertices` are those of the corners.
     pub fn finish(self, vertices: &[DVec3]) -> Faces {
-        let Polygons { mut faces, normals, split } = self;
+        let Polygons { mut faces, normals, split, lost } = self;
         let (welded, patches) = (weld(vertices), faces.len() as u32);
         let smooth = join_smooth(&mut faces, &normals, vertices, &welded);
         let merged = polygon::merge_pairs(&mut faces, vertices, &welded);
-        Faces { faces, patches, split, merged, smooth }
+        Faces { faces, patches, split, lost, merged, smooth }
     }
 }
 

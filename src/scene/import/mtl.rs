@@ -5,7 +5,8 @@ use super::look::{Body, Look, PLAIN, Rgb, beckmann_of_exponent};
 use super::note;
 use super::texture;
 use crate::error::Result;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 /// A material of an MTL file.
@@ -52,7 +53,7 @@ pub fn read(path: &Path, sources: &mut Sources) -> Result<(Vec<Defined>, Vec<Str
     let source = Source::read(path, MAX_OBJ_BYTES)?;
     let text = source.text.clone();
     let base = sources.add(source);
-    Parser { path, text: &text, base, sources, asides: Asides::default() }.parse()
+    Parser { path, text: &text, base, sources, asides: Asides::default(), numbers: HashMap::new() }.parse()
 }
 
 struct Parser<'a> {
@@ -61,6 +62,8 @@ struct Parser<'a> {
     base: usize,
     sources: &'a Sources,
     asides: Asides,
+    /// By name: which of the materials it is.
+    numbers: HashMap<String, usize>,
 }
 
 impl<'a> Parser<'a> {
@@ -177,11 +180,16 @@ impl<'a> Parser<'a> {
     fn define(&mut self, defined: &mut Vec<Defined>, material: Option<(String, usize, Statements)>) {
         let Some((name, place, statements)) = material else { return };
         let look = self.look(&name, statements);
-        if defined.iter().any(|d| d.name == name) {
-            self.asides.add("defined twice, the last time counts", &name);
-            defined.retain(|d| d.name != name);
+        match self.numbers.entry(name.clone()) {
+            Entry::Occupied(known) => {
+                self.asides.add("defined twice, the last time counts", &name);
+                defined[*known.get()] = Defined { name, look, place };
+            }
+            Entry::Vacant(new) => {
+                new.insert(defined.len());
+                defined.push(Defined { name, look, place });
+            }
         }
-        defined.push(Defined { name, look, place });
     }
 
     /// The mean colour of a texture times `factor`.

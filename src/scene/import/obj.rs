@@ -19,7 +19,7 @@ pub fn read(path: &Path, sources: &mut Sources) -> Result<Model> {
     let (mut model, libraries) = Parser::new(path).parse(&source.text)?;
     drop(source);
     let mut described: Vec<Described> = Vec::new();
-    let mut known = HashSet::new();
+    let (mut known, mut names) = (HashSet::new(), HashSet::new());
     model.with_defaults = !libraries.is_empty();
     for library in libraries {
         let Some(file) = library.candidates.iter().map(|name| super::beside(path, name)).find(|f| f.exists())
@@ -40,7 +40,7 @@ pub fn read(path: &Path, sources: &mut Sources) -> Result<Model> {
         };
         model.notes.extend(notes);
         for mtl::Defined { name, look, place } in defined {
-            if described.iter().all(|d| d.name != name) {
+            if names.insert(name.clone()) {
                 described.push(Described { name, look, place, file: file.clone() });
             }
         }
