@@ -11,7 +11,7 @@ use luxgraph::points::{self, Sampling};
 use luxgraph::report::{Counts, Machine, RunReport, peak_memory_bytes, write_json};
 use luxgraph::scene::{Camera, Geometry, MaterialId, SampledAppearance, Scene};
 use luxgraph::second_pass::{
-    self, Checkpoint, NoiseStats, PixelNoise, Rendered, SecondPassStats, SpectralImage,
+    self, Checkpoint, NoiseStats, PixelNoise, ROUGH, Rendered, SecondPassStats, SpectralImage,
 };
 use luxgraph::settings::Settings;
 use luxgraph::tracers::{self, RayTracer};
@@ -175,11 +175,14 @@ impl Job<'_> {
     /// Says what light the view, or other surfaces, do without.
     fn tell_left_out(&self, appearance: &SampledAppearance) {
         let geometry = &self.scene.geometry;
-        let specular = |m: &MaterialId| self.scene.appearance.materials[m.0 as usize].is_specular();
-        if !geometry.lights.is_empty() && self.scene.appearance.surface_material.iter().any(specular) {
+        let smooth = |m: &MaterialId| {
+            let material = &appearance.materials[m.0 as usize];
+            material.is_specular() && (material.m < ROUGH || material.transmission.is_some())
+        };
+        if !geometry.lights.is_empty() && appearance.surface_material.iter().any(smooth) {
             tell!(
-                "note: [[lights]] have no body: their light reaches surfaces over mirrors and glass too, but \
-                 the view shows no reflection and no highlight of the lights themselves"
+                "note: [[lights]] have no body: their light reaches surfaces over mirrors and glass too, but mirrors and \
+                 glass show no image of the lights themselves"
             );
         }
         let specular = first_pass::specular_points(&self.prepared.points, appearance);

@@ -1,7 +1,7 @@
 //! What an opaque surface does with light: the diffuse part and the Beckmann lobe of section 2.2 together.
 
 use crate::material::{SampledMaterial, microfacet};
-use crate::second_pass::{lobe_weight, reflect, sample_facet};
+use crate::second_pass::{lobe_density, lobe_weight, reflect, sample_facet};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -52,9 +52,7 @@ impl Opaque<'_> {
             for (value, f) in value.iter_mut().zip(&*fresnel) {
                 *value += lobe * f64::from(*f);
             }
-            // D G₁(i) i·h/(π n·i) of facets (see `sample_facet`), and 1/(4 i·h) of it of directions.
-            let seen = microfacet::masking_g(nh, ni, ni, ih);
-            density += self.specular * microfacet::beckmann_d(nh, m) * seen / (4.0 * PI * ni);
+            density += self.specular * lobe_density(self.i, h, self.n, m);
         }
         density
     }

@@ -54,7 +54,8 @@ impl Scatterer<'_> {
                 continue;
             }
             let origin = position + self.start(hit.surface, position, n);
-            let onward = Path { start: position, index, bounces: path.bounces + 1, ..*path };
+            let (bounces, density) = (path.bounces + 1, f32::INFINITY);
+            let onward = Path { start: position, index, bounces, density, ..*path };
             let ray = Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max: f64::INFINITY };
             next.push(
                 ray,

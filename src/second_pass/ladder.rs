@@ -34,7 +34,9 @@ pub(super) struct Ladder<'a> {
     pub near: &'a DiffuseField<'a>,
     /// What a hemisphere ray takes from the first pass where it ends.
     pub far: Option<&'a DiffuseField<'a>>,
-    /// Lamps, where they are asked.
+    /// Whether what is taken at a hit leaves out what it emits and reflects of light straight from lamps.
+    pub lamps_apart: bool,
+    /// Lamps, to be asked.
     pub direct: Option<Direct<'a>>,
 }
 
@@ -89,8 +91,8 @@ impl<'a> Fields<'a> {
         settings: &SecondPassSettings,
         bright: impl Fn(&[f32]) -> f64,
     ) -> Ladder<'a> {
-        let direct = (settings.rung != Rung::Interpolate)
-            .then(|| Direct::new(scene.geometry, scene.appearance, tracer, settings.lamp_samples, bright));
-        Ladder { near: &self.near, far: self.far.as_ref(), direct }
+        let asked = (settings.lamp_samples, settings.rung != Rung::Interpolate);
+        let direct = Direct::new((scene.geometry, scene.appearance), tracer, asked, bright);
+        Ladder { near: &self.near, far: self.far.as_ref(), lamps_apart: asked.1, direct }
     }
 }

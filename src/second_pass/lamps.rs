@@ -5,13 +5,23 @@ use crate::geometry::{Round, Side, SurfaceId};
 use crate::scene::{Geometry, SampledAppearance};
 use glam::DVec3;
 
+/// Of more lamps than these one is drawn by its strength alone: what may be expected of each at every place would cost too much.
+const FEW: usize = 256;
+
 /// Below this a triangle is drawn by area: its cosines and distances are all but the same, sr.
 const SMALL: f64 = 1e-3;
 
 /// Everything that emits.
 pub(super) struct Lamps {
     lamps: Vec<Lamp>,
+    /// Of the strengths of more than [`FEW`], sums up to each.
+    strengths: Vec<f64>,
+    /// The lamp on the front and on the back of each surface, or [`NO_LAMP`].
+    on: Vec<[u32; 2]>,
 }
+
+/// Nothing emits there.
+const NO_LAMP: u32 = u32::MAX;
 
 struct Lamp {
     body: Body,
@@ -46,16 +56,21 @@ pub(super) enum Source {
 pub(super) struct Ask {
     /// The place, m.
     pub to: DVec3,
+    /// Towards it, unit.
+    pub direction: DVec3,
     /// Whose light.
     pub source: Source,
-    /// Irradiance per radiance of the surface, or per amount of the light.
-    pub weight: f64,
+    /// Irradiance of a plane that faces it per radiance of the surface, or per amount of the light.
+    pub share: f64,
+    /// Directions were drawn there about so densely, 1/sr: [`Lamps::density`]; infinite for a light without a body.
+    pub density: f64,
 }
 
 impl Lamps {
     /// Of a scene.
     pub fn new(geometry: &Geometry, appearance: &SampledAppearance, bright: impl Fn(&[f32]) -> f64) -> Self {
         let mut lamps = Vec::new();
+        let mut on = vec![[NO_LAMP; 2]; geometry.surfaces.len()];
         for (s, surface) in geometry.surfaces.iter().enumerate() {
             let id = SurfaceId(s as u32);
             let strength = bright(&appearance.of(id).emission) * surface.area;
@@ -76,6 +91,7 @@ impl Lamps {
                 };
                 let front = surface.plane().map_or(DVec3::ZERO, |plane| plane.normal);
                 let bounds = surface.bounds();
+                on[s][side as usize] = lamps.len() as u32;
                 lamps.push(Lamp {
                     body,
                     normal: if side == Side::Front { front } else { -front },
@@ -99,7 +115,9 @@ impl Lamps {
                 });
             }
         }
-        Lamps { lamps }
+        let few = lamps.len() <= FEW;
+        let strengths = sums(lamps.iter().map(|lamp| if few { 0.0 } else { lamp.strength }));
+        Lamps { lamps, strengths: if few { Vec::new() } else { strengths }, on }
     }
 
     /// Whether nothing emits.
@@ -107,51 +125,107 @@ impl Lamps {
         self.lamps.is_empty()
     }
 
-    /// Asks one lamp for its light at `x` on a surface with unit normal `n`, for three uniform numbers in [0, 1).
-    /// `None` where none can come from there. `chances` is room to work in.
+    /// Asks one lamp for its light at `x` on a surface with unit normal `n`, or, where that is `None`, on one of any normal,
+    /// for three uniform numbers in [0, 1). `None` where none can come from there. `chances` is room to work in.
     pub fn ask(
         &self,
         geometry: &Geometry,
-        (x, n): (DVec3, DVec3),
+        (x, n): (DVec3, Option<DVec3>),
         u: [f64; 3],
         chances: &mut Vec<f64>,
     ) -> Option<Ask> {
-        chances.clear();
-        let mut total = 0.0;
-        chances.extend(self.lamps.iter().map(|lamp| {
-            total += lamp.promise(geometry, x, n);
-            total
-        }));
+        let sums = self.sums(geometry, (x, n), chances);
+        let total = *sums.last()?;
         if total <= 0.0 {
             return None;
         }
         let wanted = u[0] * total;
-        let at = chances.partition_point(|&c| c <= wanted).min(self.lamps.len() - 1);
-        let below = if at == 0 { 0.0 } else { chances[at - 1] };
-        let chance = (chances[at] - below) / total;
+        let at = sums.partition_point(|&c| c <= wanted).min(self.lamps.len() - 1);
+        let (below, chance) = chance(sums, at);
         // What the choice left over is uniform too.
-        let rest = ((wanted - below) / (chances[at] - below)).clamp(0.0, 1.0 - f64::EPSILON);
-        self.lamps[at].ask(geometry, (x, n), [rest, u[1], u[2]], chance)
+        let rest = ((wanted - below) / (chance * total)).clamp(0.0, 1.0 - f64::EPSILON);
+        self.lamps[at].ask(geometry, x, [rest, u[1], u[2]], chance)
+    }
+
+    /// About how densely [`Lamps::ask`] draws the direction from `x`, on a surface of any normal, to a `place` on one that
+    /// may emit, 1/sr: enough to weigh one way to find light against another, as long as both are weighed by it.
+    pub fn density(
+        &self,
+        geometry: &Geometry,
+        x: DVec3,
+        (surface, side, place): (SurfaceId, Side, DVec3),
+        chances: &mut Vec<f64>,
+    ) -> f64 {
+        let Some(lamp) = self.lamps.get(self.on[surface.index()][side as usize] as usize) else { return 0.0 };
+        let sums = self.sums(geometry, (x, None), chances);
+        let (_, chance) = chance(sums, self.on[surface.index()][side as usize] as usize);
+        let over = match &lamp.body {
+            Body::Light(_) => return 0.0,
+            Body::Flat(triangles, count) => triangles[..*count].iter().map(|t| solid_angle(x, *t)).sum(),
+            Body::Round(round, side) => {
+                let uv = round.uv_of(place);
+                let normal = round.normal_of(uv);
+                let normal = if *side == Side::Front { normal } else { -normal };
+                geometric(place - x, normal) * round.stretch(uv)
+            }
+        };
+        if over > 0.0 { chance / over } else { 0.0 }
+    }
+
+    /// Sums, up to each lamp, of what may be expected of them.
+    fn sums<'s>(
+        &'s self,
+        geometry: &Geometry,
+        (x, n): (DVec3, Option<DVec3>),
+        room: &'s mut Vec<f64>,
+    ) -> &'s [f64] {
+        if !self.strengths.is_empty() {
+            return &self.strengths;
+        }
+        room.clear();
+        let mut total = 0.0;
+        room.extend(self.lamps.iter().map(|lamp| {
+            total += lamp.promise(geometry, x, n);
+            total
+        }));
+        room
     }
 }
 
+/// Sums up to each of some numbers.
+fn sums(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
+    numbers
+        .scan(0.0, |sum, x| {
+            *sum += x;
+            Some(*sum)
+        })
+        .collect()
+}
+
+/// The sum below number `at`, and its share in all.
+fn chance(sums: &[f64], at: usize) -> (f64, f64) {
+    let below = if at == 0 { 0.0 } else { sums[at - 1] };
+    let total = sums.last().copied().unwrap_or(0.0);
+    (below, if total > 0.0 { (sums[at] - below) / total } else { 0.0 })
+}
+
 impl Lamp {
-    /// What may be expected of it at a place: 0 where nothing can come from.
-    fn promise(&self, geometry: &Geometry, x: DVec3, n: DVec3) -> f64 {
+    /// What may be expected of it at a place with unit normal `n`, or any normal: 0 where nothing can come from.
+    fn promise(&self, geometry: &Geometry, x: DVec3, n: Option<DVec3>) -> f64 {
         if let Body::Light(k) = self.body {
             let light = &geometry.lights[k];
             let (way, radius) = (light.seen_from(x), light.radius());
-            let height = n.dot(way.direction);
+            let height = n.map_or(1.0, |n| n.dot(way.direction));
             let lit = height > -radius && way.share.is_finite();
             return if lit { self.strength * way.share * height.max(radius) } else { 0.0 };
         }
         let way = self.middle - x;
         let distance2 = way.length_squared();
-        let height = n.dot(way);
+        let distance = distance2.sqrt().max(f64::MIN_POSITIVE);
+        let height = n.map_or(distance, |n| n.dot(way));
         if height < -self.reach {
             return 0.0;
         }
-        let distance = distance2.sqrt().max(f64::MIN_POSITIVE);
         let at_place = (height / distance).max(0.1);
         let at_lamp = if self.normal == DVec3::ZERO {
             1.0
@@ -165,13 +239,15 @@ impl Lamp {
         self.strength * at_place * at_lamp / (distance2 + self.reach * self.reach)
     }
 
-    fn ask(&self, geometry: &Geometry, (x, n): (DVec3, DVec3), u: [f64; 3], chance: f64) -> Option<Ask> {
-        let (to, over_density) = match &self.body {
+    fn ask(&self, geometry: &Geometry, x: DVec3, u: [f64; 3], chance: f64) -> Option<Ask> {
+        // The place, how many steradians the draw of it stands for, and for how many a draw from all of the body does about.
+        let (to, drawn, about) = match &self.body {
             Body::Light(k) => {
                 let way = geometry.lights[*k].drawn_from(x, u[0], u[1]);
-                let weight = n.dot(way.direction) * way.share / chance;
-                let lit = weight > 0.0 && weight.is_finite();
-                return lit.then_some(Ask { to: way.end, source: self.source, weight });
+                let (to, direction, share) = (way.end, way.direction, way.share / chance);
+                let (source, density) = (self.source, f64::INFINITY);
+                let lit = share > 0.0 && share.is_finite();
+                return lit.then_some(Ask { to, direction, source, share, density });
             }
             Body::Flat(triangles, count) => {
                 let angles = triangles.map(|t| solid_angle(x, t));
@@ -190,30 +266,27 @@ impl Lamp {
                     let height = -self.normal.dot(self.middle - x);
                     let distance = height / -self.normal.dot(direction);
                     // Solid angle was drawn evenly over all of it.
-                    (x + distance * direction, all)
+                    (x + distance * direction, all, all)
                 } else {
                     let to = in_triangle(t, [u0, u[1]]);
                     let way = to - x;
                     let area = 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length();
                     let share = angle / all;
-                    (to, geometric(way, self.normal) * area / share)
+                    (to, geometric(way, self.normal) * area / share, all)
                 }
             }
             Body::Round(round, side) => {
                 let to = round.point_at(u[0], u[1]);
                 let normal = round.normal_of([u[0], u[1]].into());
                 let normal = if *side == Side::Front { normal } else { -normal };
-                (to, geometric(to - x, normal) * round.stretch([u[0], u[1]].into()))
+                let angle = geometric(to - x, normal) * round.stretch([u[0], u[1]].into());
+                (to, angle, angle)
             }
         };
-        let way = to - x;
-        let cosine = n.dot(way) / way.length();
-        let weight = cosine * over_density / chance;
-        (cosine > 0.0 && weight > 0.0 && weight.is_finite()).then_some(Ask {
-            to,
-            source: self.source,
-            weight,
-        })
+        let direction = (to - x).normalize_or_zero();
+        let (source, share, density) = (self.source, drawn / chance, chance / about);
+        let reaches = share > 0.0 && share.is_finite() && density.is_finite();
+        reaches.then_some(Ask { to, direction, source, share, density })
     }
 }
 
@@ -312,12 +385,12 @@ mod tests {
             reach: 1.5,
             source: Source::Surface(SurfaceId(0)),
         };
-        let lamps = Lamps { lamps: vec![lamp] };
+        let lamps = Lamps { lamps: vec![lamp], strengths: Vec::new(), on: vec![[0, NO_LAMP]; 2] };
         let mut chances = Vec::new();
         let n = 200;
         let total: f64 = lattice(n)
-            .filter_map(|[u, v]| lamps.ask(&geometry, (x, DVec3::Z), [u, v, 0.0], &mut chances))
-            .map(|ask| ask.weight)
+            .filter_map(|[u, v]| lamps.ask(&geometry, (x, Some(DVec3::Z)), [u, v, 0.0], &mut chances))
+            .map(|ask| ask.direction.z.max(0.0) * ask.share)
             .sum();
         let found = total / (n * n) as f64 / std::f64::consts::PI;
         assert!((found - exact).abs() < 1e-3 * exact, "{found} {exact}");

@@ -33,6 +33,15 @@ pub fn sample_facet(i: DVec3, n: DVec3, m: f64, u: [f32; 3]) -> DVec3 {
     if f64::from(u[2]) * (one + other) < one { along + across } else { along - across }
 }
 
+/// How densely the direction that the facet `h` reflects is drawn by [`sample_facet`], 1/sr: D G₁(i) i·h / (π n·i) of facets, and
+/// 1/(4 i·h) of it of directions.
+#[inline]
+pub fn lobe_density(i: DVec3, h: DVec3, n: DVec3, m: f64) -> f64 {
+    let (ni, nh, ih) = (n.dot(i), n.dot(h), i.dot(h));
+    let seen = microfacet::masking_g(nh, ni, ni, ih);
+    if seen > 0.0 { microfacet::beckmann_d(nh, m) * seen / (4.0 * std::f64::consts::PI * ni) } else { 0.0 }
+}
+
 /// R^s cos θ_r over the density of the direction `r` that the facet `h` of [`sample_facet`] reflects,
 /// less F: G/G₁(i), 0 to 1. Zero where the direction leaves through the surface.
 #[inline]

@@ -30,10 +30,11 @@ mod wave;
 
 pub use checkpoint::Checkpoint;
 pub use interpolate::{DiffuseField, Interpolator};
-pub(crate) use lobe::{lobe_weight, reflect, refract, sample_facet};
+pub(crate) use lobe::{lobe_density, lobe_weight, reflect, refract, sample_facet};
 pub use noise::{NoiseStats, NoiseTarget, PixelNoise};
 pub(crate) use probe::Probe;
 pub use render::{LitScene, Rendered, render, render_with_checkpoint};
+pub use scatter::ROUGH;
 pub use settings::{Passes, Rung, SecondPassSettings, SecondPassStats};
 pub(crate) use wave::{NO_MEDIUM, inset, ray_offset};
 

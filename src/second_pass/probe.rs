@@ -34,7 +34,7 @@ pub(crate) struct Probe<'a> {
 impl<'a> Probe<'a> {
     /// `field` is that of the scene.
     pub fn new(scene: &LitScene<'a>, field: &'a DiffuseField<'a>) -> Self {
-        let ladder = Ladder { near: field, far: None, direct: None };
+        let ladder = Ladder { near: field, far: None, lamps_apart: false, direct: None };
         let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, |_| 0.0, &SETTINGS);
         Probe { scatterer }
     }
@@ -56,6 +56,7 @@ impl<'a> Probe<'a> {
                 glossy: false,
                 bounces: 0,
                 medium: NO_MEDIUM,
+                density: f32::INFINITY,
             };
             wave.push(*ray, path, std::iter::repeat_n(weight, w));
         }

@@ -1,6 +1,6 @@
 //! What becomes of a path where it meets a surface.
 
-use super::direct::Shadows;
+use super::direct::{Direct, Shadows, carried};
 use super::interpolate::Apart;
 use super::ladder::{Ladder, NEARBY};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
@@ -18,6 +18,9 @@ use glam::DVec3;
 
 /// Events at glass at which both branches are followed; later ones follow one by chance.
 const SPLITS: u32 = 2;
+
+/// A lobe of less slope than this asks no lamps: its own rays meet what it shows.
+pub const ROUGH: f64 = 0.01;
 
 /// The parts of a render that all tiles share.
 pub(super) struct Scatterer<'a> {
@@ -107,6 +110,8 @@ struct Meeting {
     aside: DVec3,
     /// Index of the surface's material.
     material: u32,
+    /// Whether lamps were asked for what its lobe reflects.
+    asked: bool,
     path: Path,
     /// Uniform numbers of this event, in [0, 1): lobe (2), facet or branch, roulette.
     u: [f32; 4],
@@ -123,6 +128,7 @@ impl<'a> Scatterer<'a> {
         let surfaces = || (0..geometry.surfaces.len()).map(|s| SurfaceId(s as u32));
         let offset: Vec<f64> = surfaces().map(|s| ray_offset(geometry, s)).collect();
         let inset = surfaces().zip(&offset).map(|(s, offset)| inset(geometry, s, *offset)).collect();
+        let asks = ladder.direct.is_some();
         let manners = surfaces().map(|s| {
             let material = appearance.of(s);
             let glass = &material.transmission;
@@ -130,8 +136,14 @@ impl<'a> Scatterer<'a> {
                 black_behind: glass.is_none() && !geometry.two_sided[s.index()],
                 solid: matches!(glass, Some(Transmission::Solid { .. })),
                 goes_on: settings.passes == Passes::Both && material.is_specular(),
-                asks: ladder.direct.is_some() && material.diffuse.iter().any(|&d| d > 0.0),
-                glows: ladder.direct.is_some() && material.emission.iter().any(|&l| l > 0.0),
+                asks: asks && ladder.lamps_apart && material.diffuse.iter().any(|&d| d > 0.0),
+                gloss: asks
+                    && settings.passes == Passes::Both
+                    && glass.is_none()
+                    && material.is_specular()
+                    && material.m >= ROUGH,
+                glows: material.emission.iter().any(|&l| l > 0.0),
+                glows_apart: ladder.lamps_apart,
             }
         });
         let manners: Vec<Manner> = manners.collect();
@@ -162,12 +174,12 @@ impl<'a> Scatterer<'a> {
         let w = film.value.len();
         self.see_sky(wave, film);
         if let Some(direct) = &self.ladder.direct {
-            wave.spell_out(w);
-            self.glow(wave, hits, film);
+            self.glow(direct, wave, hits, film);
             direct.add(self, wave, hits, film);
-            if self.ladder.far.is_some() {
-                self.gather(wave, hits, film, next);
-            }
+        }
+        if self.ladder.far.is_some() {
+            wave.spell_out(w);
+            self.gather(wave, hits, film, next);
         }
         let going_on = std::mem::take(&mut film.going_on);
         let whole = vec![1.0; w];
@@ -194,15 +206,19 @@ impl<'a> Scatterer<'a> {
         }
     }
 
-    /// Adds to the film what the places emit that paths meet.
-    fn glow(&self, wave: &Wave, hits: &[Option<Hit>], film: &mut Film) {
+    /// Adds to the film what the places emit that paths meet, as far as it is to be found so and not there yet.
+    fn glow(&self, direct: &Direct, wave: &Wave, hits: &[Option<Hit>], film: &mut Film) {
         let w = film.value.len();
         for k in film.glowing.iter().map(|&k| k as usize) {
             let Some(hit) = &hits[k] else { continue };
+            let met = (&wave.rays[k], wave.density(k));
+            let by_ray = direct.share_by_ray(met, hit, &mut film.shadows.chances);
+            let share = if self.ladder.lamps_apart { by_ray } else { by_ray - 1.0 };
             let emission = self.appearance.of(hit.surface).emission.iter();
-            let sums = &mut film.radiance[wave.pixel(k) * w..][..w];
-            for ((sum, t), l) in sums.iter_mut().zip(&wave.throughput[k * w..]).zip(emission) {
-                *sum += f64::from(t * l);
+            let sums = film.radiance[wave.pixel(k) * w..][..w].iter_mut().zip(emission);
+            match wave.throughput.get(k * w..(k + 1) * w) {
+                None => sums.for_each(|(sum, l)| *sum += f64::from(share * l)),
+                Some(t) => sums.zip(t).for_each(|((sum, l), t)| *sum += f64::from(share * t * l)),
             }
         }
     }
@@ -239,7 +255,8 @@ impl<'a> Scatterer<'a> {
                 share * (centre - position)
             },
             material: self.appearance.surface_material[hit.surface.index()].0,
-            path,
+            asked: self.manners[hit.surface.index()].gloss && path.medium == NO_MEDIUM,
+            path: Path { density: f32::INFINITY, ..path },
             u,
         };
         match &material.transmission {
@@ -270,6 +287,17 @@ impl<'a> Scatterer<'a> {
         }
     }
 
+    /// Rays that a rough lobe sends on.
+    pub fn lobe_rays(&self, path: &Path) -> u32 {
+        if path.glossy { 1 } else { self.settings.lobe_samples }
+    }
+
+    /// The normal by which a rough surface reflects, where it was hit at `position` from direction `i` on the side of `facet`.
+    pub fn smooth(&self, hit: &Hit, position: DVec3, facet: DVec3, i: DVec3) -> DVec3 {
+        let surface = self.geometry.surface(hit.surface);
+        self.shading.normal((surface, hit.surface, hit.side), position, (facet, i), None)
+    }
+
     /// Distributed rays in the Beckmann lobe.
     fn lobe(
         &self,
@@ -280,7 +308,8 @@ impl<'a> Scatterer<'a> {
         film: &mut Film,
         next: &mut Wave,
     ) {
-        let rays = if at.path.glossy { 1 } else { self.settings.lobe_samples };
+        let rays = self.lobe_rays(&at.path);
+        let asked = at.asked;
         for k in 0..rays {
             let mut path = at.path;
             if !path.glossy {
@@ -292,9 +321,15 @@ impl<'a> Scatterer<'a> {
                 let h = sample_facet(at.i, n, material.m, [u[0], u[1], u[2]]);
                 (n, h, reflect(at.i, h))
             };
-            let (n, h, r) = Some(about(at.n))
-                .filter(|drawn| drawn.2.dot(at.facet) > 0.0)
-                .unwrap_or_else(|| about(at.facet));
+            let (n, h, r) = match Some(about(at.n)).filter(|drawn| drawn.2.dot(at.facet) > 0.0) {
+                Some(drawn) => {
+                    if asked {
+                        path.density = carried(at.i, drawn.1, drawn.0, material.m, rays);
+                    }
+                    drawn
+                }
+                None => about(at.facet),
+            };
             let weight = lobe_weight(at.i, r, h, n);
             if weight > 0.0 {
                 material.reflect.eval(at.i.dot(h) as f32, &mut film.reflected);

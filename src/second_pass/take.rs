@@ -21,8 +21,12 @@ pub(super) struct Manner {
     pub goes_on: bool,
     /// Whether it asks lamps for light, and gathers.
     pub asks: bool,
-    /// Whether it emits what is not part of the field at a hit.
+    /// Whether its lobe is rough, and asks lamps for light.
+    pub gloss: bool,
+    /// Whether it emits.
     pub glows: bool,
+    /// Whether that is not part of the field at a hit.
+    pub glows_apart: bool,
 }
 
 /// Adds to the film what all paths of a wave meet, and notes which may go on.
@@ -126,13 +130,13 @@ impl Take<'_, '_> {
                 film.going_on.push(k as u32);
             }
             let far = bounces > 0 && scatterer.is_far(bounces, hit);
-            if manner.asks {
+            if manner.asks || manner.gloss && bounces == 0 {
                 film.lit.push(k as u32);
-                if !far {
-                    film.gathering.push(k as u32);
-                }
             }
-            if manner.glows && bounces == 0 {
+            if manner.asks && !far {
+                film.gathering.push(k as u32);
+            }
+            if manner.glows && bounces == 0 && (manner.glows_apart || wave.density(k) < f32::INFINITY) {
                 film.glowing.push(k as u32);
             }
             match scatterer.ladder.near.find(hit.surface, hit.side, met) {

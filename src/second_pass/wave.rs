@@ -26,6 +26,9 @@ pub struct Path {
     pub bounces: u32,
     /// Material of the solid it is in, or [`NO_MEDIUM`].
     pub medium: u32,
+    /// How densely directions like its own leave the lobe that it comes from, 1/sr, where lamps were asked for that lobe's light;
+    /// else infinite.
+    pub density: f32,
 }
 
 /// Paths that begin at the eye: `count` in each pixel, all of one pixel after the other.
@@ -72,6 +75,7 @@ impl Wave {
                 glossy: false,
                 bounces: 0,
                 medium: NO_MEDIUM,
+                density: f32::INFINITY,
             },
         }
     }
@@ -79,6 +83,12 @@ impl Wave {
     /// The pixel of path `k`.
     pub fn pixel(&self, k: usize) -> usize {
         self.fresh.map_or_else(|| self.paths[k].pixel as usize, |fresh| k / fresh.count as usize)
+    }
+
+    /// [`Path::density`] of path `k`.
+    #[inline(always)]
+    pub fn density(&self, k: usize) -> f32 {
+        if self.fresh.is_some() { f32::INFINITY } else { self.paths[k].density }
     }
 
     /// Writes down what fresh paths leave out, for `w` wavelengths.

@@ -4,6 +4,7 @@ mod closure;
 mod cover;
 #[path = "../support/folder.rs"]
 mod folder;
+mod gloss;
 mod interpolation;
 #[path = "../support/lit.rs"]
 mod lit;
