@@ -59,7 +59,7 @@ fn factor(settings: &Settings, [radius, top, height]: Vessel, to: usize, from: u
     let mut model = Model::default();
     let (lamp, dark) = (model.diffuse(0.0, 1.0), model.diffuse(DARK, 0.0));
     for (s, shape) in closed_cone(radius, top, height).into_iter().enumerate() {
-        model.add(shape, if s == to { lamp } else { dark }, 0.02);
+        model.add(shape, if s == to { lamp } else { dark }, 0.01 * height);
     }
     let lit = model.light(settings)?;
     Ok(lit.mean(lit.on(from), |i| lit.illuminance(i)) / PI)
