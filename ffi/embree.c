@@ -26,6 +26,14 @@ _Static_assert(sizeof(lux_packet) == sizeof(struct RTCRay16) &&
                    offsetof(lux_packet, flags) == offsetof(struct RTCRay16, flags),
                "a packet has Embree's layout");
 
+_Static_assert(sizeof(lux_query) >= sizeof(struct RTCRayHit16) + LUX_PACKET * sizeof(uint32_t) &&
+                   offsetof(lux_query, u) == offsetof(struct RTCRayHit16, hit.u) &&
+                   offsetof(lux_query, v) == offsetof(struct RTCRayHit16, hit.v) &&
+                   offsetof(lux_query, primitive) == offsetof(struct RTCRayHit16, hit.primID) &&
+                   offsetof(lux_query, geometry) == offsetof(struct RTCRayHit16, hit.geomID) &&
+                   offsetof(lux_query, instance) == offsetof(struct RTCRayHit16, hit.instID),
+               "a query has Embree's layout");
+
 struct lux_scene {
     RTCDevice device;
     RTCScene scene;
@@ -45,11 +53,6 @@ struct lux_scene {
  * that is loaded (any 4.x can stand in for another), so room is left for it behind the hit. */
 struct roomy_hit {
     struct RTCRayHit of;
-    uint32_t room[16];
-};
-
-struct roomy_hits {
-    struct RTCRayHit16 of;
     uint32_t room[16];
 };
 
@@ -354,28 +357,51 @@ static void closest_singly(const lux_scene *scene, const lux_ray *rays, uint64_t
 }
 
 /* Traces the rays in packet, those in the lanes that are valid. */
-static void trace_packet(const lux_scene *scene, const int *valid, struct roomy_hits *packet, lux_hit *hits) {
-    memset(packet->of.hit.geomID, 0xFF, sizeof packet->of.hit.geomID);
-    memset(packet->of.hit.instID, 0xFF, sizeof packet->of.hit.instID);
-    intersect16(valid, scene->scene, &packet->of);
-    for (int lane = 0; lane < LUX_PACKET; lane++) {
-        unsigned geometry = packet->of.hit.geomID[lane];
-        int met = valid[lane] && geometry != RTC_INVALID_GEOMETRY_ID;
-        float t = packet->of.ray.tfar[lane];
-        int second = packet->of.hit.u[lane] + packet->of.hit.v[lane] > 1.0f;
-        hits[lane] = met ? hit_at(scene, t, geometry, packet->of.hit.primID[lane], second) : (lux_hit){t, LUX_MISS, 0};
+static void trace_packet(const lux_scene *scene, const int *valid, lux_query *packet) {
+    memset(packet->geometry, 0xFF, sizeof packet->geometry);
+    memset(packet->instance, 0xFF, sizeof packet->instance);
+    intersect16(valid, scene->scene, (struct RTCRayHit16 *)packet);
+}
+
+/* Of what a ray in a traced packet met: whether it lies in the second triangle of a quad. */
+static int is_second(const lux_query *packet, int lane) { return packet->u[lane] + packet->v[lane] > 1.0f; }
+
+/* What the ray in a lane of a traced packet met. */
+static lux_hit hit_of(const lux_scene *scene, const lux_query *packet, int lane) {
+    unsigned geometry = packet->geometry[lane];
+    float t = packet->rays.t_max[lane];
+    if (geometry == RTC_INVALID_GEOMETRY_ID) return (lux_hit){t, LUX_MISS, 0};
+    return hit_at(scene, t, geometry, packet->primitive[lane], is_second(packet, lane));
+}
+
+/* What all its rays met. */
+static void hits_of(const lux_scene *scene, const lux_query *packet, lux_hits *hits) {
+    uint32_t geometry = packet->geometry[0], primitive = packet->primitive[0], others = 0;
+    for (int i = 0; i < LUX_PACKET; i++)
+        others |= (packet->geometry[i] ^ geometry) | (packet->primitive[i] ^ primitive);
+    /* Most packets from an eye meet one quad. */
+    if (others == 0 && geometry != RTC_INVALID_GEOMETRY_ID && geometry != scene->round_geometry) {
+        uint32_t surface = scene->quad_surface[primitive];
+        memcpy(hits->t, packet->rays.t_max, sizeof hits->t);
+        for (int i = 0; i < LUX_PACKET; i++) hits->surface[i] = surface;
+        for (int i = 0; i < LUX_PACKET; i++) hits->part[i] = (uint32_t)is_second(packet, i);
+        return;
+    }
+    for (int i = 0; i < LUX_PACKET; i++) {
+        lux_hit hit = hit_of(scene, packet, i);
+        hits->t[i] = hit.t, hits->surface[i] = hit.surface, hits->part[i] = hit.part;
     }
 }
 
-void lux_closest_packets(const lux_scene *scene, const lux_packet *packets, uint64_t count, lux_hit *hits) {
+void lux_closest_packets(const lux_scene *scene, lux_query *packets, uint64_t count, lux_hits *hits) {
     unsigned before = enter_batch();
-    for (uint64_t k = 0; k < count; k++, hits += LUX_PACKET) {
-        struct roomy_hits packet;
+    for (uint64_t k = 0; k < count; k++) {
+        const lux_packet *rays = &packets[k].rays;
         _Alignas(64) int valid[LUX_PACKET];
-        memcpy(&packet.of.ray, &packets[k], sizeof packet.of.ray);
         /* A lane takes part unless its ray is empty. */
-        for (int i = 0; i < LUX_PACKET; i++) valid[i] = packets[k].t_min[i] <= packets[k].t_max[i] ? -1 : 0;
-        trace_packet(scene, valid, &packet, hits);
+        for (int i = 0; i < LUX_PACKET; i++) valid[i] = rays->t_min[i] <= rays->t_max[i] ? -1 : 0;
+        trace_packet(scene, valid, &packets[k]);
+        hits_of(scene, &packets[k], &hits[k]);
     }
     leave_batch(before);
 }
@@ -385,10 +411,12 @@ void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lu
     uint64_t i = 0;
     unsigned before = enter_batch();
     for (; i + LUX_PACKET <= count; i += LUX_PACKET) {
-        struct roomy_hits packet;
+        _Alignas(64) lux_query packet;
         _Alignas(64) int valid[LUX_PACKET];
-        for (int lane = 0; lane < LUX_PACKET; lane++) fill16(&packet.of.ray, valid, lane, &rays[i + lane]);
-        trace_packet(scene, valid, &packet, hits + i);
+        struct RTCRay16 *to = (struct RTCRay16 *)&packet.rays;
+        for (int lane = 0; lane < LUX_PACKET; lane++) fill16(to, valid, lane, &rays[i + lane]);
+        trace_packet(scene, valid, &packet);
+        for (int lane = 0; lane < LUX_PACKET; lane++) hits[i + lane] = hit_of(scene, &packet, lane);
     }
     leave_batch(before);
     closest_singly(scene, rays + i, count - i, hits + i);

@@ -52,6 +52,19 @@ typedef struct lux_packet {
     uint32_t flags[LUX_PACKET];
 } lux_packet;
 
+/* A packet with room for what Embree finds, again in its own layout: normals, places in the quad, numbers, and what later
+ * versions add. Lies at a multiple of 64 bytes; only the rays need to be filled in. */
+typedef struct lux_query {
+    lux_packet rays;
+    float normal[3][LUX_PACKET];
+    float u[LUX_PACKET];
+    float v[LUX_PACKET];
+    uint32_t primitive[LUX_PACKET];
+    uint32_t geometry[LUX_PACKET];
+    uint32_t instance[LUX_PACKET];
+    uint32_t room[2][LUX_PACKET];
+} lux_query;
+
 /* Where a ray meets a surface first. */
 typedef struct lux_hit {
     /* Ray parameter. */
@@ -61,6 +74,13 @@ typedef struct lux_hit {
     /* Of a quad 1 in the triangle v2 v3 v1 and else 0; of what is no quad the number of the part. */
     uint32_t part;
 } lux_hit;
+
+/* The same for the rays of a packet, a column for each member. */
+typedef struct lux_hits {
+    float t[LUX_PACKET];
+    uint32_t surface[LUX_PACKET];
+    uint32_t part[LUX_PACKET];
+} lux_hits;
 
 /* How far beside a quad's box, m, rounding may put a hit: some eight units in the last place of a coordinate of 1. A
  * scene is handed over at a size of about 1. */
@@ -91,8 +111,8 @@ void lux_scene_free(lux_scene *scene);
 /* The closest hit of each of count rays. */
 void lux_closest(const lux_scene *scene, const lux_ray *rays, uint64_t count, lux_hit *hits);
 
-/* The closest hit of each ray of count packets, LUX_PACKET hits a packet. */
-void lux_closest_packets(const lux_scene *scene, const lux_packet *packets, uint64_t count, lux_hit *hits);
+/* The closest hit of each ray of count packets. Changes t_max. */
+void lux_closest_packets(const lux_scene *scene, lux_query *packets, uint64_t count, lux_hits *hits);
 
 /* Whether anything blocks each of count rays: 1 or 0. */
 void lux_occluded(const lux_scene *scene, const lux_ray *rays, uint64_t count, uint8_t *blocked);

@@ -22,6 +22,9 @@ pub struct Chart {
     linear: Option<[DVec3; 2]>,
 }
 
+/// Places that are looked up together.
+pub(super) const LANES: usize = 16;
+
 /// A quad bent less than this, as a share of its edges, is a parallelogram: rounding makes true ones so.
 const PARALLELOGRAM: f64 = 1e-13;
 
@@ -94,6 +97,30 @@ impl Chart {
         let d = p - self.origin;
         let uv = DVec2::new(clamp_unit(of_u.dot(d)), clamp_unit(of_v.dot(d)));
         if self.triangle { uv / (uv.x + uv.y).max(1.0) } else { uv }
+    }
+
+    /// [`Chart::uv_of`] of places of which each coordinate has a column.
+    #[inline(always)]
+    pub fn uv_of_all(&self, p: &[[f64; LANES]; 3]) -> [[f64; LANES]; 2] {
+        let mut uv = [[0.0; LANES]; 2];
+        let Some([of_u, of_v]) = self.linear else {
+            for i in 0..LANES {
+                [uv[0][i], uv[1][i]] = self.uv_of(DVec3::new(p[0][i], p[1][i], p[2][i])).to_array();
+            }
+            return uv;
+        };
+        for i in 0..LANES {
+            let d = [p[0][i] - self.origin.x, p[1][i] - self.origin.y, p[2][i] - self.origin.z];
+            let along = |of: DVec3| of.x * d[0] + of.y * d[1] + of.z * d[2];
+            [uv[0][i], uv[1][i]] = [clamp_unit(along(of_u)), clamp_unit(along(of_v))];
+        }
+        if self.triangle {
+            for i in 0..LANES {
+                let over = (uv[0][i] + uv[1][i]).max(1.0);
+                [uv[0][i], uv[1][i]] = [uv[0][i] / over, uv[1][i] / over];
+            }
+        }
+        uv
     }
 
     /// (u, v) of the place in the plane `h`, brought into the surface.

@@ -1,10 +1,11 @@
 //! Rays from the eye through pixels, many at a time.
 
+use super::sequence::{number, order, scramble};
 use crate::geometry::Ray;
 use crate::scene::View;
 use crate::simd::HotLoop;
 use glam::DVec3;
-use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
+use sobol_burley::parts::owen_scramble_rev;
 
 /// Rays that are made together: so many that the compiler keeps the loops over them, and makes them wide.
 const BLOCK: usize = 64;
@@ -12,11 +13,11 @@ const BLOCK: usize = 64;
 /// What scrambles the Sobol' points of a pixel: their order, and the first two dimensions.
 type Scramble = [u32; 3];
 
-/// [`sobol_burley`] derives the three from a seed so.
+/// That of a seed.
 #[inline(always)]
-fn scramble(seed: u32) -> Scramble {
-    let dimensions = seed.wrapping_mul(0x9c8f_2d3b);
-    [hash(seed ^ 0x79c6_8e4a), hash(dimensions ^ 0x912f_69ba), hash(dimensions ^ 0x174f_18ab)]
+fn first_two(seed: u32) -> Scramble {
+    let [across, down, ..] = scramble(seed, 0);
+    [order(seed), across, down]
 }
 
 /// The first two numbers of [`sobol_burley::sample_4d`] for point `index` of dimension set 0, without its tables: the first
@@ -30,7 +31,6 @@ fn sample(index: u32, [order, across, down]: Scramble) -> [f32; 2] {
     second ^= (second & 0xf0f0) >> 4;
     second ^= (second & 0xcccc) >> 2;
     second ^= (second & 0xaaaa) >> 1;
-    let number = |bits: u32, scramble: u32| u32_to_f32_norm(owen_scramble_rev(bits, scramble).reverse_bits());
     [number(first, across), number(second, down)]
 }
 
@@ -41,7 +41,7 @@ pub(super) struct Look<'a> {
     pub near: f64,
     /// Column and row of each pixel in the image.
     pub places: &'a [[u32; 2]],
-    /// Sobol' seed of each pixel.
+    /// Sobol' seed of each pixel, and of those that follow.
     pub seeds: &'a [u32],
     pub first: u32,
     pub count: u32,
@@ -54,7 +54,7 @@ impl HotLoop for Look<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let total = self.seeds.len() * self.count as usize;
+        let total = self.places.len() * self.count as usize;
         let mut pixels = self.seeds.iter().zip(self.places);
         let mut point = self.count;
         let (mut of, mut corner) = ([0; 3], [0.0; 2]);
@@ -64,7 +64,7 @@ impl HotLoop for Look<'_> {
             for k in 0..used {
                 if point == self.count {
                     let Some((&seed, place)) = pixels.next() else { break };
-                    (point, of, corner) = (0, scramble(seed), place.map(f64::from));
+                    (point, of, corner) = (0, first_two(seed), place.map(f64::from));
                 }
                 block.index[k] = self.first + point;
                 [block.order[k], block.across[k], block.down[k]] = of;
@@ -125,14 +125,15 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::second_pass::sequence::mix;
 
     #[test]
     fn points_are_those_of_the_general_sampler() {
         let indices = (0..2000u32).chain((0..2000).map(|k| 65_535 - 17 * k));
         for index in indices {
-            let seed = hash(index / 3);
+            let seed = mix(index / 3);
             let [x, y, ..] = sobol_burley::sample_4d(index, 0, seed);
-            assert_eq!(sample(index, scramble(seed)), [x, y], "point {index}, seed {seed:#x}");
+            assert_eq!(sample(index, first_two(seed)), [x, y], "point {index}, seed {seed:#x}");
         }
     }
 }

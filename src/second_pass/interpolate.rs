@@ -15,12 +15,12 @@
 //! letter and need no search; on a smooth gradient the eye sees no difference.
 
 use super::cells::Cells;
-use super::chart::Chart;
+use super::chart::{Chart, LANES};
 use super::cover::{StandIn, covered, stand_ins};
 use super::feet::Feet;
 use super::lattice::{Lattice, sheet};
 use super::parted::{Parting, Weights};
-use super::shares::{Mix, Shares, fan, quarter};
+use super::shares::{Mix, Shares, fan, quarter, quarters};
 use super::stencil::Stencils;
 use crate::first_pass::DiffuseSolution;
 use crate::geometry::{Shape, Side, Surface, SurfaceId};
@@ -214,19 +214,26 @@ impl Interpolator {
 pub(super) enum Found {
     /// Nothing: no sample point lies on its side.
     Black,
-    /// A mixture.
-    Whole(Mix),
-    /// What is left of a mixture.
+    /// All that its element offers.
+    Whole(Taken),
+    /// What is left of that.
     Parted(Apart),
+}
+
+/// What a place takes of an element.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Taken {
+    /// Which.
+    pub element: u32,
+    /// Of its centre and its nodes.
+    pub shares: Shares,
 }
 
 /// A place that something may part from some of what is around it.
 #[derive(Clone, Copy)]
 pub(super) struct Apart {
     /// What it would take.
-    mix: Mix,
-    shares: Shares,
-    parting: u32,
+    taken: Taken,
     /// In the plane, m.
     place: DVec2,
 }
@@ -246,8 +253,8 @@ impl DiffuseField<'_> {
         let out = &mut out[..self.w];
         match self.find(surface, side, position) {
             Found::Black => out.fill(0.0),
-            Found::Whole(mix) => {
-                self.blend(&mix, |at, group| out[at..at + group.len()].copy_from_slice(group))
+            Found::Whole(taken) => {
+                self.blend(&taken, |at, group| out[at..at + group.len()].copy_from_slice(group))
             }
             Found::Parted(apart) => self.part(&apart, out, &mut Weights::default()),
         }
@@ -257,33 +264,68 @@ impl DiffuseField<'_> {
     /// [`DiffuseField::part`]; nothing where the side is black.
     #[inline(always)]
     pub(super) fn find(&self, surface: SurfaceId, side: Side, position: DVec3) -> Found {
+        let chart = &self.interpolator.charts[surface.index()];
+        self.find_at(chart, sheet(surface.index(), side), position, chart.uv_of(position))
+    }
+
+    /// The chart of a surface and the number of its side, for [`DiffuseField::find_at`] and [`DiffuseField::find_alike`].
+    #[inline(always)]
+    pub(super) fn side(&self, surface: SurfaceId, side: Side) -> (&Chart, usize) {
+        (&self.interpolator.charts[surface.index()], sheet(surface.index(), side))
+    }
+
+    /// What the first `count` of several places of a sheet take together, which lie at `uv` (a column for each), if they all take
+    /// from the same centre and nodes: the element, these nodes and the sums of the weights.
+    #[inline(always)]
+    pub(super) fn find_alike(
+        &self,
+        sheet: usize,
+        uv: &[[f64; LANES]; 2],
+        count: usize,
+    ) -> Option<(u32, [u32; 3], [f64; 4])> {
         let of = self.interpolator;
-        let chart = &of.charts[surface.index()];
-        let uv = chart.uv_of(position);
-        let Some(i) = of.cells.find(sheet(surface.index(), side), uv) else { return Found::Black };
+        let first = of.cells.find(sheet, DVec2::new(uv[0][0], uv[1][0]))?;
+        let element = &of.elements[first];
+        if !element.regular {
+            return None;
+        }
+        let (low, scale) = (element.low, element.scale);
+        let (nodes, sums) = quarters(&[low.x, low.y, scale], uv, count)?;
+        let open = element.parting == OPEN || of.partings[element.parting as usize].is_open(nodes);
+        open.then_some((first as u32, nodes, sums))
+    }
+
+    /// What the place `position` of a sheet takes, which lies at `uv`.
+    #[inline(always)]
+    pub(super) fn find_at(&self, chart: &Chart, sheet: usize, position: DVec3, uv: DVec2) -> Found {
+        let of = self.interpolator;
+        let Some(i) = of.cells.find(sheet, uv) else { return Found::Black };
         let element = &of.elements[i];
         let shares = if element.regular {
             quarter(((uv - element.low) * element.scale).clamp(DVec2::ZERO, DVec2::ONE))
         } else {
             fan(&of.border_at[element.border()], chart.plane(position) - element.centre)
         };
-        let (count, border) = (of.elements.len() as u32, of.lattice.border.all());
-        let node = |k: usize| count + border[(element.border[0] + shares.nodes[k]) as usize];
-        let [a, b, c] = shares.weights;
-        let mix = Mix { spectra: [i as u32, node(0), node(1), node(2)], weights: [shares.centre, a, b, c] };
+        let taken = Taken { element: i as u32, shares };
         if element.parting == OPEN {
-            return Found::Whole(mix);
+            return Found::Whole(taken);
         }
         let place = chart.plane(position);
-        if !of.partings[element.parting as usize].parts(place) {
-            return Found::Whole(mix);
+        if !of.partings[element.parting as usize].parts(place, shares.nodes) {
+            return Found::Whole(taken);
         }
-        Found::Parted(Apart { mix, shares, parting: element.parting, place })
+        Found::Parted(Apart { taken, place })
     }
 
-    /// The spectrum of a mixture, to `put` in groups: at which wavelength one begins, and its numbers.
+    /// The spectrum of what is taken, to `put` in groups: at which wavelength one begins, and its numbers.
     #[inline(always)]
-    pub(super) fn blend(&self, mix: &Mix, put: impl FnMut(usize, &[f32])) {
+    pub(super) fn blend(&self, taken: &Taken, put: impl FnMut(usize, &[f32])) {
+        let of = self.interpolator;
+        let Taken { element, shares: Shares { centre, nodes, weights: [a, b, c] } } = *taken;
+        let (count, border) = (of.elements.len() as u32, of.lattice.border.all());
+        let start = of.elements[element as usize].border[0];
+        let [p, q, r] = nodes.map(|node| count + border[(start + node) as usize]);
+        let mix = Mix { spectra: [element, p, q, r], weights: [centre, a, b, c] };
         mix.blend(&self.spectra, self.w, put);
     }
 
@@ -291,9 +333,11 @@ impl DiffuseField<'_> {
     /// a spectrum.
     #[inline(always)]
     pub(super) fn part(&self, apart: &Apart, out: &mut [f32], room: &mut Weights) {
-        self.blend(&apart.mix, |at, group| out[at..at + group.len()].copy_from_slice(group));
-        let parting = &self.interpolator.partings[apart.parting as usize];
-        let Some(whole) = parting.weigh(apart.place, &apart.shares, room) else { return };
+        let Apart { taken, place } = apart;
+        self.blend(taken, |at, group| out[at..at + group.len()].copy_from_slice(group));
+        let of = self.interpolator;
+        let parting = &of.partings[of.elements[taken.element as usize].parting as usize];
+        let Some(whole) = parting.weigh(*place, &taken.shares, room) else { return };
         out.iter_mut().for_each(|out| *out *= whole as f32);
         for &(element, weight) in room.all() {
             let weight = ((1.0 - whole) * weight) as f32;

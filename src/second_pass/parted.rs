@@ -21,10 +21,12 @@ pub(super) struct Parting {
     sources: Box<[Source]>,
     /// By foot: on which side of its line each source lies, a bit each, [`WORD`] to a word.
     sides: Box<[u64]>,
-    /// The first sources, so many, are taken from where nothing is parted.
-    taken: usize,
-    /// Whether some of those are covered.
-    covers: bool,
+    /// The same for those the way to which the foot may close from some place in the element.
+    near: Box<[u64]>,
+    /// Nodes, a [`bit`] each: places that take from one of them are parted from something wherever they are.
+    always: u64,
+    /// Feet whose lines cross the element, and the same for places on either side of them, by [`side_of`].
+    across: Box<[(Foot, [u64; 2])]>,
     /// By node of the border: where its row of `entries` ends.
     ends: Box<[u32]>,
     /// (source, weight): what the nodes are made of.
@@ -44,9 +46,30 @@ struct Source {
 /// Sources whose bits make a word.
 const WORD: usize = 64;
 
-/// The lowest `count` bits of a word.
-fn lowest(count: usize) -> u64 {
-    if count < WORD { (1 << count) - 1 } else { u64::MAX }
+/// An element lies on one side of a foot's line if it does but for this share of its size: far less than [`Parting::inwards`]
+/// moves a place.
+const LEVEL: f64 = 1e-9;
+
+/// How far the corners and nodes on an element's `border` lie from a foot's line, over the distance of the furthest from its
+/// `centre`: the least, and the most. Negative where [`side_of`] is true.
+fn range([a, b]: Foot, border: &[DVec2], centre: DVec2) -> (f64, f64) {
+    let size = border.iter().map(|at| at.distance(centre)).fold(0.0, f64::max) * a.distance(b);
+    let heights = border.iter().map(|&at| (b - a).perp_dot(at - a) / size);
+    heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
+}
+
+/// Whether a foot leaves the straight way to `q` open from wherever in the element with this `border`: both of its ends lie on
+/// the same side of all these ways, for how far aside is linear in where a way begins.
+fn passes(foot: Foot, border: &[DVec2], q: DVec2) -> bool {
+    let aside = |p: DVec2, end: DVec2| (q - p).perp_dot(end - p) / ((q - p).length() * (end - p).length());
+    let all = |is: &dyn Fn(f64) -> bool| border.iter().all(|&p| foot.iter().all(|&end| is(aside(p, end))));
+    all(&|aside| aside > LEVEL) || all(&|aside| aside < -LEVEL)
+}
+
+/// The bit of a node of an element's border; all from the 64th on share one.
+#[inline(always)]
+fn bit(node: u32) -> u64 {
+    1 << node.min(u64::BITS - 1)
 }
 
 /// Room for the weights of one place, to be used again.
@@ -102,21 +125,51 @@ impl Parting {
             }
             ends.push(entries.len() as u32);
         }
-        let taken = sources.len();
         for &element in &around {
             let at = source(&mut sources, element);
             sources[at].wider = trust(element).min(size) / size;
         }
-        let sides = feet.iter().flat_map(|&foot| {
-            sources.chunks(WORD).map(move |some| {
-                let sides = some.iter().map(|of| u64::from(side_of(foot, of.place)));
-                sides.enumerate().fold(0, |word, (at, side)| word | side << at)
+        let words = |is: &dyn Fn(Foot, DVec2) -> bool| -> Box<[u64]> {
+            let of = |foot: Foot| {
+                sources.chunks(WORD).map(move |some| {
+                    let bits = some.iter().map(|of| u64::from(is(foot, of.place)));
+                    bits.enumerate().fold(0, |word, (at, bit)| word | bit << at)
+                })
+            };
+            feet.iter().flat_map(|&foot| of(foot)).collect()
+        };
+        let border = lattice.border.of(own).iter().zip(lattice.border_uv(own));
+        let border: Vec<DVec2> =
+            border.map(|(&node, uv)| chart.plane_at(lattice.position[node as usize], uv)).collect();
+        let (sides, near) = (words(&side_of), words(&|foot, place| !passes(foot, &border, place)));
+        // The nodes with a source, or all if the element itself is one.
+        let nodes = |is: &dyn Fn(usize) -> bool| {
+            let mut start = 0;
+            let all = if is(0) { u64::MAX } else { 0 };
+            ends.iter().enumerate().fold(all, |bits, (node, &end)| {
+                let of = &entries[std::mem::replace(&mut start, end as usize)..end as usize];
+                if of.iter().any(|&(source, _)| is(source as usize)) { bits | bit(node as u32) } else { bits }
             })
-        });
+        };
+        let mut always = nodes(&|source| sources[source].covered);
+        let mut across = Vec::new();
+        let count = sources.len().div_ceil(WORD);
+        for ((&foot, sides), near) in feet.iter().zip(sides.chunks(count)).zip(near.chunks(count)) {
+            let has = |words: &[u64], source: usize| words[source / WORD] >> (source % WORD) & 1 == 1;
+            let parts =
+                [false, true].map(|side| nodes(&|source| has(near, source) && has(sides, source) != side));
+            let (low, high) = range(foot, &border, sources[0].place);
+            match (low >= -LEVEL, high <= LEVEL) {
+                (true, _) => always |= parts[0],
+                (_, true) => always |= parts[1],
+                _ => across.push((foot, parts)),
+            }
+        }
         Parting {
-            sides: sides.collect(),
-            taken,
-            covers: sources[..taken].iter().any(|of| of.covered),
+            sides,
+            near,
+            always,
+            across: across.into_iter().filter(|(_, parts)| *parts != [0; 2]).collect(),
             feet: Chain::new(feet),
             sources: sources.into(),
             ends: ends.into(),
@@ -124,17 +177,21 @@ impl Parting {
         }
     }
 
-    /// Whether something parts `place` in the element from what it would take from.
+    /// Whether nothing parts any place of the element that takes from its centre and these nodes of its border from these.
     #[inline(always)]
-    pub fn parts(&self, place: DVec2) -> bool {
+    pub fn is_open(&self, [a, b, c]: [u32; 3]) -> bool {
+        let across = self.across.iter().fold(0, |all, (_, [one, other])| all | one | other);
+        (self.always | across) & (bit(a) | bit(b) | bit(c)) == 0
+    }
+
+    /// Whether something parts `place` in the element from what it would take from: the element's centre and these nodes of its
+    /// border.
+    #[inline(always)]
+    pub fn parts(&self, place: DVec2, [a, b, c]: [u32; 3]) -> bool {
+        let taken = bit(a) | bit(b) | bit(c);
         let inwards = self.inwards(place);
-        let words = self.sources.len().div_ceil(WORD);
-        self.covers
-            || self.feet.feet().iter().zip(self.sides.chunks(words)).any(|(foot, sides)| {
-                let beyond = if side_of(*foot, inwards) { u64::MAX } else { 0 };
-                let taken = (0..self.taken).step_by(WORD);
-                taken.zip(sides).any(|(first, sides)| (sides ^ beyond) & lowest(self.taken - first) != 0)
-            })
+        let parts = |(foot, parts): &(Foot, [u64; 2])| parts[usize::from(side_of(*foot, inwards))];
+        self.always & taken != 0 || self.across.iter().any(|foot| parts(foot) & taken != 0)
     }
 
     /// A place on the rim may lie beyond it by rounding, and so beyond a wall's foot.
@@ -153,12 +210,13 @@ impl Parting {
         room.open.clear();
         room.open.extend(self.sources.iter().map(|source| if source.covered { 0.0 } else { 1.0 }));
         let words = self.sources.len().div_ceil(WORD);
-        for (number, (foot, sides)) in self.feet.feet().iter().zip(self.sides.chunks(words)).enumerate() {
+        let ways = self.sides.chunks(words).zip(self.near.chunks(words));
+        for (number, (foot, (sides, near))) in self.feet.feet().iter().zip(ways).enumerate() {
             let beyond = if side_of(*foot, inwards) { u64::MAX } else { 0 };
-            for (word, sides) in sides.iter().enumerate() {
+            for (word, (sides, near)) in sides.iter().zip(near).enumerate() {
                 // Whose way may cross the foot: those on the other side of its line.
                 let first = word * WORD;
-                let mut across = (sides ^ beyond) & lowest(self.sources.len() - first);
+                let mut across = (sides ^ beyond) & near;
                 while across != 0 {
                     let at = first + across.trailing_zeros() as usize;
                     across &= across - 1;

@@ -5,7 +5,7 @@ use super::interpolate::Apart;
 use super::ladder::{Ladder, NEARBY};
 use super::lobe::{lobe_weight, reflect, refract, sample_facet};
 use super::parted::Weights;
-use super::sequence::draw;
+use super::sequence::{TOGETHER, draw, draw_several};
 use super::settings::{Passes, SecondPassSettings, SecondPassStats};
 use super::shading::Shading;
 use super::take::{Manner, Take};
@@ -13,7 +13,7 @@ use super::wave::{NO_MEDIUM, Path, Wave, inset, ray_offset};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Geometry, SampledAppearance};
-use crate::simd::wide;
+use crate::simd::widest;
 use glam::DVec3;
 
 /// Events at glass at which both branches are followed; later ones follow one by chance.
@@ -170,7 +170,7 @@ impl<'a> Scatterer<'a> {
         film.gathering.clear();
         film.glowing.clear();
         film.missed.clear();
-        wide(Take { scatterer: self, wave, hits, film });
+        widest(Take { scatterer: self, wave, hits, film });
         let w = film.value.len();
         self.see_sky(wave, film);
         if let Some(direct) = &self.ladder.direct {
@@ -309,21 +309,23 @@ impl<'a> Scatterer<'a> {
         next: &mut Wave,
     ) {
         let rays = self.lobe_rays(&at.path);
-        let asked = at.asked;
+        let first = at.path.index * rays;
+        let mut numbers = [[0.0; 4]; TOGETHER];
         for k in 0..rays {
-            let mut path = at.path;
-            if !path.glossy {
-                path.index = path.index * rays + k;
+            let mut path = Path { index: first + k, glossy: true, ..at.path };
+            let which = k as usize % TOGETHER;
+            if which == 0 {
+                let count = TOGETHER.min((rays - k) as usize);
+                draw_several(path.index, path.depth + 1, seed, &mut numbers[..count]);
             }
-            path.glossy = true;
-            let u = self.uniform(&path, seed);
+            let u = numbers[which];
             let about = |n: DVec3| {
                 let h = sample_facet(at.i, n, material.m, [u[0], u[1], u[2]]);
                 (n, h, reflect(at.i, h))
             };
             let (n, h, r) = match Some(about(at.n)).filter(|drawn| drawn.2.dot(at.facet) > 0.0) {
                 Some(drawn) => {
-                    if asked {
+                    if at.asked {
                         path.density = carried(at.i, drawn.1, drawn.0, material.m, rays);
                     }
                     drawn

@@ -1,9 +1,10 @@
 //! What a place within an element takes from the element's centre and from the nodes of its border.
 
+use super::chart::LANES;
 use glam::DVec2;
 
 /// Weights on the centre and on three nodes; sum 1. Weights of at most 1 lose nothing in `f32`.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Shares {
     pub centre: f32,
     /// Which nodes of the element's border.
@@ -14,17 +15,62 @@ pub(super) struct Shares {
 /// Bilinear in the quarter of a quad element that holds `local` (0 to 1 each way).
 #[inline(always)]
 pub(super) fn quarter(local: DVec2) -> Shares {
-    // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
     let (right, upper) = (u32::from(local.x > 0.5), u32::from(local.y > 0.5));
-    let corner = 2 * ((3 * upper) ^ right);
     let (s, t) = ((2.0 * (local.x - 0.5)).abs() as f32, (2.0 * (local.y - 0.5)).abs() as f32);
     let (rest_s, rest_t) = (1.0 - s, 1.0 - t);
-    Shares {
-        centre: rest_s * rest_t,
-        // The middle of the edge to the left or right, then that of the edge below or above.
-        nodes: [7 - 4 * right, 1 + 4 * upper, corner],
-        weights: [s * rest_t, rest_s * t, s * t],
+    Shares { centre: rest_s * rest_t, nodes: nodes(right, upper), weights: [s * rest_t, rest_s * t, s * t] }
+}
+
+/// The nodes of a quarter: the middle of the edge to the left or right, then that of the edge below or above, then the corner.
+#[inline(always)]
+fn nodes(right: u32, upper: u32) -> [u32; 3] {
+    // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
+    [7 - 4 * right, 1 + 4 * upper, 2 * ((3 * upper) ^ right)]
+}
+
+/// [`quarter`] of the first `count` places at `uv` (a column each), in an element of this least u and v and of `scale` over its size: the
+/// nodes and the sums of the weights, if all lie in one quarter of it.
+#[inline(always)]
+pub(super) fn quarters(
+    &[low_u, low_v, scale]: &[f64; 3],
+    [u, v]: &[[f64; LANES]; 2],
+    count: usize,
+) -> Option<([u32; 3], [f64; 4])> {
+    // Lanes that are left do as the first.
+    let mut at = [*u, *v];
+    for i in 0..LANES {
+        for (at, low) in at.iter_mut().zip([low_u, low_v]) {
+            at[i] = ((if i < count { at[i] } else { at[0] }) - low) * scale;
+        }
     }
+    let (mut weights, mut within, mut sides) = ([[0.0; LANES]; 4], [false; LANES], [[false; LANES]; 2]);
+    for i in 0..LANES {
+        let (x, y) = (at[0][i], at[1][i]);
+        let (s, t) = ((2.0 * (x - 0.5)).abs() as f32, (2.0 * (y - 0.5)).abs() as f32);
+        let (rest_s, rest_t) = (1.0 - s, 1.0 - t);
+        let taken = if i < count { 1.0 } else { 0.0 };
+        for (weights, of) in weights.iter_mut().zip([rest_s * rest_t, s * rest_t, rest_s * t, s * t]) {
+            weights[i] = taken * of;
+        }
+        within[i] = (x >= 0.0) & (x < 1.0) & (y >= 0.0) & (y < 1.0);
+        (sides[0][i], sides[1][i]) = (x > 0.5, y > 0.5);
+    }
+    let all = |is: [bool; LANES]| is.into_iter().fold(true, |all, is| all & is);
+    let [right, upper] = [sides[0][0], sides[1][0]];
+    let alike = all(within) & all(sides[0].map(|x| x == right)) & all(sides[1].map(|y| y == upper));
+    alike.then(|| (nodes(right.into(), upper.into()), weights.map(|weights| sum(&weights))))
+}
+
+/// In `f64`, by halves.
+#[inline(always)]
+fn sum(weights: &[f32; LANES]) -> f64 {
+    let mut halves = weights.map(f64::from);
+    for width in [8, 4, 2, 1] {
+        for i in 0..width {
+            halves[i] += halves[i + width];
+        }
+    }
+    halves[0]
 }
 
 /// Linear in the triangle centre, node, next node that holds `d` (from the centre, m); `places` are those of the nodes.

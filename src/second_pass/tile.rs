@@ -6,7 +6,7 @@ use super::sequence::mix;
 use super::wave::{Fresh, Wave};
 use crate::geometry::Hit;
 use crate::scene::View;
-use crate::simd::wide;
+use crate::simd::widest;
 use crate::tracers::RayTracer;
 use std::ops::Range;
 
@@ -44,20 +44,25 @@ impl Tiler<'_> {
         let seeds = places.iter().map(|&[x, y]| mix((y as usize * self.width + x as usize) as u32 ^ seed));
         let mut film = Film::new(seeds.collect(), self.w);
         let Room { wave, next, hits } = room;
-        let together = (BATCH / places.len().max(1)).max(1) as u32;
-        for first in points.clone().step_by(together as usize) {
-            let count = together.min(points.end - first);
-            wave.clear();
-            let (view, seeds, rays) = (&self.view, &film.seeds, &mut wave.rays);
-            wide(Look { view, near: self.near, places, seeds, first, count, rays });
-            wave.fresh = Some(Fresh { first, count });
-            film.stats.camera_rays += wave.rays.len() as u64;
-            // Every wave is one specular event deeper, so this ends at the depth limit.
-            while !wave.rays.is_empty() {
-                hits.resize(wave.rays.len(), None);
-                self.tracer.closest_batch(&wave.rays, hits);
-                self.scatterer.meet(wave, hits, &mut film, next);
-                std::mem::swap(wave, next);
+        // All points of a pixel together, for they go the same way, and then as many pixels as there is room for.
+        let most = points.len().clamp(1, BATCH);
+        let pixels = BATCH / most;
+        for (number, places) in places.chunks(pixels).enumerate() {
+            let pixel = number * pixels;
+            for first in points.clone().step_by(most) {
+                let count = (points.end - first).min(most as u32);
+                wave.clear();
+                let (view, seeds) = (&self.view, &film.seeds[pixel..]);
+                widest(Look { view, near: self.near, places, seeds, first, count, rays: &mut wave.rays });
+                wave.fresh = Some(Fresh { pixel: pixel as u32, first, count });
+                film.stats.camera_rays += wave.rays.len() as u64;
+                // Every wave is one specular event deeper, so this ends at the depth limit.
+                while !wave.rays.is_empty() {
+                    hits.resize(wave.rays.len(), None);
+                    self.tracer.closest_batch(&wave.rays, hits);
+                    self.scatterer.meet(wave, hits, &mut film, next);
+                    std::mem::swap(wave, next);
+                }
             }
         }
         film

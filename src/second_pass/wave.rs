@@ -34,6 +34,8 @@ pub struct Path {
 /// Paths that begin at the eye: `count` in each pixel, all of one pixel after the other.
 #[derive(Clone, Copy)]
 pub struct Fresh {
+    /// The first of the pixels within the tile.
+    pub pixel: u32,
     /// Which point of the pixels' Sobol' sequences comes first.
     pub first: u32,
     /// Points in each pixel.
@@ -66,9 +68,9 @@ impl Wave {
     pub fn path(&self, k: usize) -> Path {
         match self.fresh {
             None => self.paths[k],
-            Some(Fresh { first, count }) => Path {
+            Some(Fresh { pixel, first, count }) => Path {
                 start: self.rays[k].origin,
-                pixel: k as u32 / count,
+                pixel: pixel + k as u32 / count,
                 index: first + k as u32 % count,
                 depth: 0,
                 splits: 0,
@@ -82,7 +84,8 @@ impl Wave {
 
     /// The pixel of path `k`.
     pub fn pixel(&self, k: usize) -> usize {
-        self.fresh.map_or_else(|| self.paths[k].pixel as usize, |fresh| k / fresh.count as usize)
+        let of = |Fresh { pixel, count, .. }: Fresh| (pixel + k as u32 / count) as usize;
+        self.fresh.map_or_else(|| self.paths[k].pixel as usize, of)
     }
 
     /// [`Path::density`] of path `k`.

@@ -1,13 +1,15 @@
 //! The tracer over Embree: `f32` traversal, `f64` ray limits and hit distances.
 
+use super::decide::Decide;
 use super::face::Face;
-use super::packet::{EMPTY_PACKET, Filling};
-use super::query::{Frame, Pack, Span, single};
-use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, Rounds, lux_hit, lux_ray, lux_round};
+use super::packet::Filling;
+use super::query::{Columns, Frame, Pack, Span, single};
+use super::raw::{self, EMPTY_RAY, LANES, LARGEST, NO_HIT, NO_HITS, Query, Rounds};
+use super::raw::{lux_hit, lux_hits, lux_ray, lux_round};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Hit, Ray, Surface, SurfaceId};
 use crate::scene::Geometry;
-use crate::simd::{HotLoop, wide};
+use crate::simd::widest;
 use crate::tracers::brute_force::{self, BruteForce};
 use crate::tracers::{RayTracer, Segment};
 use glam::{DVec3, Vec3};
@@ -199,38 +201,33 @@ impl EmbreeTracer {
     }
 
     /// The closest hits of up to [`BATCH`] rays, in packets whose last lanes may stay empty.
-    fn closest_few(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        let mut packets = [EMPTY_PACKET; PACKETS];
-        let mut spans = [[Span { moved: 0.0, shrink: 1.0 }; LANES]; PACKETS];
-        let mut found = [NO_HIT; BATCH];
+    fn closest_few(&self, rays: &[Ray], hits: &mut [Option<Hit>], room: &mut Room) {
+        let Room { packets, columns, found, left } = room;
         let used = rays.len().div_ceil(LANES);
-        for ((rays, packet), spans) in rays.chunks(LANES).zip(&mut packets).zip(&mut spans) {
-            wide(Pack { rays, frame: &self.frame, packet, spans });
+        let frame = &self.frame;
+        widest(Pack { rays, frame, packets, columns });
+        self.scene.closest_packets(&mut packets[..used], found);
+        let (faces, columns) = (&self.faces[..], &columns[..used]);
+        widest(Decide { faces, frame, rays: columns, found, hits, left });
+        for (packet, left) in left[..used].iter().enumerate().filter(|(_, left)| **left != 0) {
+            let first = packet * LANES;
+            for (lane, (ray, hit)) in rays[first..].iter().zip(&mut hits[first..]).enumerate().take(LANES) {
+                if left >> lane & 1 == 1 {
+                    let lux_hits { t, surface, part } = &found[packet];
+                    let found = lux_hit { t: t[lane], surface: surface[lane], part: part[lane] };
+                    *hit = self.decide(ray, &columns[packet].span(lane), found);
+                }
+            }
         }
-        self.scene.closest_packets(&packets[..used], &mut found);
-        wide(Decide { tracer: self, rays, spans: spans.as_flattened(), found: &found, hits });
     }
 }
 
-/// Decides on what Embree found.
-struct Decide<'a> {
-    tracer: &'a EmbreeTracer,
-    rays: &'a [Ray],
-    spans: &'a [Span],
-    found: &'a [lux_hit],
-    hits: &'a mut [Option<Hit>],
-}
-
-impl HotLoop for Decide<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        for (((hit, ray), span), found) in self.hits.iter_mut().zip(self.rays).zip(self.spans).zip(self.found)
-        {
-            *hit = self.tracer.decide(ray, span, *found);
-        }
-    }
+/// Room for the rays of a call and for what becomes of them.
+struct Room {
+    packets: [Query; PACKETS],
+    columns: [Columns; PACKETS],
+    found: [lux_hits; PACKETS],
+    left: [u16; PACKETS],
 }
 
 impl RayTracer for EmbreeTracer {
@@ -246,8 +243,14 @@ impl RayTracer for EmbreeTracer {
     }
 
     fn closest_batch(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        let mut room = Room {
+            packets: [Query::EMPTY; PACKETS],
+            columns: [Columns::EMPTY; PACKETS],
+            found: [NO_HITS; PACKETS],
+            left: [0; PACKETS],
+        };
         for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
-            self.closest_few(rays, hits);
+            self.closest_few(rays, hits, &mut room);
         }
     }
 

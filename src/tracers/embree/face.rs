@@ -15,7 +15,46 @@ pub struct Face {
     /// The box around it, and a little more, m.
     bounds: Aabb,
     /// What is no polygon.
-    round: Option<Surface>,
+    round: Option<Box<Surface>>,
+}
+
+/// How far what Embree says may lie from the truth, as a share of the scene's radius, for the truth to be taken instead.
+pub const REACH: f64 = 1e-3;
+
+#[inline(always)]
+fn dot([a, b, c]: [f64; 3], [x, y, z]: [f64; 3]) -> f64 {
+    a * x + b * y + c * z
+}
+
+/// Where a ray (origin, direction) crosses a plane (a place on it, its normal of any length).
+#[inline(always)]
+pub fn crossing([o, d]: [[f64; 3]; 2], [a, normal]: [[f64; 3]; 2]) -> f64 {
+    dot(normal, [a[0] - o[0], a[1] - o[1], a[2] - o[2]]) / dot(normal, d)
+}
+
+/// Whether a ray faces the side that a normal points to.
+#[inline(always)]
+pub fn meets_front(normal: [f64; 3], direction: [f64; 3]) -> bool {
+    dot(normal, direction) <= 0.0
+}
+
+/// The parameter of what a ray (origin, direction) meets, and whether it counts: beyond `t_min`, and in the box of which `low` and
+/// `high` are corners. It is `exact` unless that is further from `rough`, Embree's, than `reach`.
+#[inline(always)]
+pub fn confirmed(
+    [o, d]: [[f64; 3]; 2],
+    t_min: f64,
+    [rough, exact, reach]: [f64; 3],
+    [low, high]: [[f64; 3]; 2],
+) -> (f64, bool) {
+    let t = if (exact - rough).abs() <= reach { exact } else { rough };
+    let slack = 8.0 * f64::EPSILON * length_bound(o);
+    let mut counts = t > t_min;
+    for k in 0..3 {
+        let at = o[k] + t * d[k];
+        counts &= (at >= low[k] - slack) & (at <= high[k] + slack);
+    }
+    (t, counts)
 }
 
 impl Face {
@@ -29,7 +68,7 @@ impl Face {
             planes: triangles.map(plane),
             normal: surface.plane().map_or(DVec3::ZERO, |plane| plane.normal),
             bounds: Aabb { min: min - slack, max: max + slack },
-            round: surface.round().map(|_| surface.clone()),
+            round: surface.round().map(|_| Box::new(surface.clone())),
         }
     }
 
@@ -37,14 +76,25 @@ impl Face {
     /// in the surface's box as far as `f32` can tell.
     #[inline(always)]
     pub fn confirm(&self, ray: &Ray, span: &Span, found: lux_hit, frame: &Frame) -> Option<f64> {
-        let rough = span.parameter(found.t, frame);
-        let exact = self.parameter(ray, found.part, rough, 1e-3 * frame.radius * span.shrink);
-        let t = if (exact - rough).abs() <= 1e-3 * frame.radius * span.shrink { exact } else { rough };
-        let at = ray.at(t);
-        let slack = 8.0 * f64::EPSILON * length_bound(ray.origin);
-        let Aabb { min, max } = self.bounds;
-        let near = at.cmpge(min - slack) & at.cmple(max + slack);
-        ((t > ray.t_min) & near.all()).then_some(t)
+        let (rough, reach) = (span.parameter(found.t, frame), REACH * frame.radius * span.shrink);
+        let exact = self.parameter(ray, found.part, rough, reach);
+        let (from, along) = (ray.origin.to_array(), ray.direction.to_array());
+        let (t, counts) = confirmed([from, along], ray.t_min, [rough, exact, reach], self.corners());
+        counts.then_some(t)
+    }
+
+    /// The corners of the box around it.
+    #[inline(always)]
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        [self.bounds.min.to_array(), self.bounds.max.to_array()]
+    }
+
+    /// A corner and the normal of the triangle `part`, and the normal of the surface's (mean) plane; `None` for what is no
+    /// polygon.
+    #[inline(always)]
+    pub fn plane(&self, part: u32) -> Option<[[f64; 3]; 3]> {
+        let [corner, across] = self.planes[usize::from(part == 1)];
+        self.round.is_none().then(|| [corner, across, self.normal].map(|v| v.to_array()))
     }
 
     /// Where `ray` crosses the plane of the triangle met, or what is no polygon within `reach` of `rough`, by the same
@@ -62,7 +112,7 @@ impl Face {
             }
             None => {
                 let [a, normal] = self.planes[usize::from(part == 1)];
-                normal.dot(a - ray.origin) / normal.dot(ray.direction)
+                crossing([ray.origin, ray.direction].map(|v| v.to_array()), [a, normal].map(|v| v.to_array()))
             }
         }
     }
@@ -72,7 +122,7 @@ impl Face {
     pub fn hit(&self, ray: &Ray, t: f64, id: u32) -> Option<Hit> {
         let side = match &self.round {
             Some(surface) => side_met(surface, ray, t),
-            None if self.normal.dot(ray.direction) <= 0.0 => Side::Front,
+            None if meets_front(self.normal.to_array(), ray.direction.to_array()) => Side::Front,
             None => Side::Back,
         };
         (t < ray.t_max).then_some(Hit { surface: SurfaceId(id), t, side })

@@ -4,6 +4,8 @@
 //! tracer cannot be made and says how to get it.
 
 #[cfg(feature = "embree")]
+mod decide;
+#[cfg(feature = "embree")]
 mod enabled;
 #[cfg(feature = "embree")]
 mod face;

@@ -1,6 +1,6 @@
 //! Segments on their way into packets.
 
-use super::raw::{LANES, Packet, lux_packet};
+use super::raw::{EMPTY_PACKET, LANES, Packet, lux_packet};
 use crate::simd::HotLoop;
 use glam::Vec3;
 
@@ -12,18 +12,6 @@ pub struct Filling {
     /// Lanes that are filled.
     count: usize,
 }
-
-/// Rays that hit nothing, safe to hand over.
-pub const EMPTY_PACKET: Packet = Packet(lux_packet {
-    origin: [[0.0; LANES]; 3],
-    t_min: [0.0; LANES],
-    direction: [[1.0; LANES]; 3],
-    time: [0.0; LANES],
-    t_max: [-1.0; LANES],
-    mask: [u32::MAX; LANES],
-    limit: [-1.0; LANES],
-    flags: [0; LANES],
-});
 
 impl Filling {
     /// No ray.

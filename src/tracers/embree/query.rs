@@ -1,9 +1,8 @@
 //! Rays on their way to Embree.
 
-use super::raw::{EMPTY_RAY, LANES, LARGEST, Packet, lux_packet, lux_ray};
+use super::raw::{EMPTY_RAY, LANES, LARGEST, Query, lux_packet, lux_ray};
 use crate::geometry::Ray;
 use crate::simd::HotLoop;
-use glam::DVec3;
 
 /// Units in the last place (`f32`) of the scene's size by which Embree's distances are taken to be
 /// uncertain, so that the limits of a ray can be decided in `f64`.
@@ -60,7 +59,7 @@ fn round([ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3], limits: [f64; 2], frame
     let ahead = if entry > start { entry } else { start };
     let moved = if (entry > 0.0) | (start < 0.0) { ahead } else { 0.0 };
     let origin = [ox + moved * unit[0], oy + moved * unit[1], oz + moved * unit[2]];
-    let bound = origin[0].abs() + origin[1].abs() + origin[2].abs();
+    let bound = length_bound(origin);
     let slack = LIMIT_ULPS * f64::from(f32::EPSILON) * (radius + bound);
     let from = scale * (start - moved - slack);
     let t_min = (if from > 0.0 { from } else { 0.0 }) as f32;
@@ -80,34 +79,60 @@ pub fn single(ray: &Ray, frame: &Frame) -> (lux_ray, Span) {
     (if sound { lux_ray { origin, t_min, direction, t_max } } else { EMPTY_RAY }, span)
 }
 
-/// Up to [`LANES`] rays for a packet.
-pub struct Pack<'a> {
-    /// The rays.
-    pub rays: &'a [Ray],
-    /// How Embree's scene lies.
-    pub frame: &'a Frame,
-    /// Where they go; lanes that are left stay empty.
-    pub packet: &'a mut Packet,
-    /// What their parameters mean.
-    pub spans: &'a mut [Span; LANES],
+/// The rays of a packet as they came, a column for each number, and what their parameters mean.
+#[derive(Clone, Copy)]
+pub struct Columns {
+    /// Origin, m.
+    pub origin: [[f64; LANES]; 3],
+    /// Direction.
+    pub direction: [[f64; LANES]; 3],
+    /// Hits at or before this parameter do not count.
+    pub t_min: [f64; LANES],
+    /// Hits at or beyond this parameter do not count.
+    pub t_max: [f64; LANES],
+    moved: [f64; LANES],
+    shrink: [f64; LANES],
 }
 
-impl HotLoop for Pack<'_> {
-    type Output = ();
+impl Columns {
+    /// No ray: limits that exclude one another.
+    pub const EMPTY: Columns = Columns {
+        origin: [[0.0; LANES]; 3],
+        direction: [[0.0; LANES]; 3],
+        t_min: [0.0; LANES],
+        t_max: [0.0; LANES],
+        moved: [0.0; LANES],
+        shrink: [1.0; LANES],
+    };
 
+    /// What the parameter of a lane means.
     #[inline(always)]
-    fn run(self) {
-        let mut columns = [[0.0; LANES]; 8];
-        for (lane, ray) in self.rays.iter().enumerate().take(LANES) {
-            let Ray { origin: o, direction: d, t_min, t_max } = ray;
-            for (column, x) in columns.iter_mut().zip([o.x, o.y, o.z, d.x, d.y, d.z, *t_min, *t_max]) {
-                column[lane] = x;
-            }
+    pub fn span(&self, lane: usize) -> Span {
+        Span { moved: self.moved[lane], shrink: self.shrink[lane] }
+    }
+
+    /// Up to [`LANES`] rays.
+    #[inline(always)]
+    fn fill(&mut self, rays: &[Ray]) {
+        if rays.len() < LANES {
+            *self = Columns::EMPTY;
         }
-        let [ox, oy, oz, dx, dy, dz, t_min, t_max] = &columns;
-        let packet: &mut lux_packet = &mut self.packet.0;
+        for (lane, ray) in rays.iter().enumerate().take(LANES) {
+            for axis in 0..3 {
+                self.origin[axis][lane] = ray.origin[axis];
+                self.direction[axis][lane] = ray.direction[axis];
+            }
+            self.t_min[lane] = ray.t_min;
+            self.t_max[lane] = ray.t_max;
+        }
+    }
+
+    /// The rays as Embree sees them.
+    #[inline(always)]
+    fn pack(&mut self, frame: &Frame, packet: &mut lux_packet) {
+        let Columns { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max, .. } = self;
         for i in 0..LANES {
-            let ray = round([ox[i], oy[i], oz[i]], [dx[i], dy[i], dz[i]], [t_min[i], t_max[i]], self.frame);
+            let ray = round([ox[i], oy[i], oz[i]], [dx[i], dy[i], dz[i]], [t_min[i], t_max[i]], frame);
             let or = |x: f32, other: f32| if ray.sound { x } else { other };
             for axis in 0..3 {
                 packet.origin[axis][i] = or(ray.origin[axis], 0.0);
@@ -115,14 +140,39 @@ impl HotLoop for Pack<'_> {
             }
             packet.t_min[i] = or(ray.t_min, 0.0);
             packet.t_max[i] = or(ray.t_max, -1.0);
-            packet.limit[i] = packet.t_max[i];
-            self.spans[i] = ray.span;
+            packet.limit[i] = or(ray.t_max, -1.0);
+            self.moved[i] = ray.span.moved;
+            self.shrink[i] = ray.span.shrink;
         }
     }
 }
 
-/// No less than the length of `v`, and no more than √3 times it: without a root.
+/// Rays on their way into packets.
+pub struct Pack<'a> {
+    /// The rays.
+    pub rays: &'a [Ray],
+    /// How Embree's scene lies.
+    pub frame: &'a Frame,
+    /// Where they go, [`LANES`] to each; lanes that are left become empty.
+    pub packets: &'a mut [Query],
+    /// Where they go as they are.
+    pub columns: &'a mut [Columns],
+}
+
+impl HotLoop for Pack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for ((rays, packet), columns) in self.rays.chunks(LANES).zip(self.packets).zip(self.columns) {
+            columns.fill(rays);
+            columns.pack(self.frame, &mut packet.0.rays);
+        }
+    }
+}
+
+/// No less than the length of a vector, and no more than √3 times it: without a root.
 #[inline(always)]
-pub fn length_bound(v: DVec3) -> f64 {
-    v.x.abs() + v.y.abs() + v.z.abs()
+pub fn length_bound([x, y, z]: [f64; 3]) -> f64 {
+    x.abs() + y.abs() + z.abs()
 }

@@ -10,7 +10,7 @@ mod ffi {
     include!(concat!(env!("OUT_DIR"), "/embree.rs"));
 }
 
-pub use ffi::{LUX_MISS, lux_hit, lux_packet, lux_ray, lux_round};
+pub use ffi::{LUX_MISS, lux_hit, lux_hits, lux_packet, lux_query, lux_ray, lux_round};
 
 /// Rays in a packet.
 pub const LANES: usize = ffi::LUX_PACKET as usize;
@@ -19,6 +19,37 @@ pub const LANES: usize = ffi::LUX_PACKET as usize;
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Packet(pub lux_packet);
+
+/// The same with room for what Embree finds.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Query(pub lux_query);
+
+impl Query {
+    /// No ray.
+    pub const EMPTY: Query = Query(lux_query {
+        rays: EMPTY_PACKET.0,
+        normal: [[0.0; LANES]; 3],
+        u: [0.0; LANES],
+        v: [0.0; LANES],
+        primitive: [0; LANES],
+        geometry: [0; LANES],
+        instance: [0; LANES],
+        room: [[0; LANES]; 2],
+    });
+}
+
+/// Rays that hit nothing, safe to hand over.
+pub const EMPTY_PACKET: Packet = Packet(lux_packet {
+    origin: [[0.0; LANES]; 3],
+    t_min: [0.0; LANES],
+    direction: [[1.0; LANES]; 3],
+    time: [0.0; LANES],
+    t_max: [-1.0; LANES],
+    mask: [u32::MAX; LANES],
+    limit: [-1.0; LANES],
+    flags: [0; LANES],
+});
 
 /// The header's limit on coordinates, m: Embree refuses what is larger.
 pub const LARGEST: f32 = 1.8e18;
@@ -29,6 +60,9 @@ pub const EMPTY_RAY: lux_ray =
 
 /// What [`Scene::closest`] gives for a ray that hits nothing.
 pub const NO_HIT: lux_hit = lux_hit { t: 0.0, surface: LUX_MISS, part: 0 };
+
+/// The same for the rays of a packet.
+pub const NO_HITS: lux_hits = lux_hits { t: [0.0; LANES], surface: [LUX_MISS; LANES], part: [0; LANES] };
 
 /// The version of the loaded library, 10000 major + 100 minor + patch, or `None` if it refuses to start.
 pub fn version() -> Option<u32> {
@@ -129,16 +163,16 @@ impl Scene {
         }
     }
 
-    /// The closest hit of each ray of `packets`, which must be safe to hand over: every float within the header's limits.
-    pub fn closest_packets(&self, packets: &[Packet], hits: &mut [lux_hit]) {
-        let count = packets.len().min(hits.len() / LANES);
-        debug_assert!(packets.iter().all(is_safe));
+    /// The closest hit of each ray of `packets`, whose rays are then spent, and which must be safe to hand over: every float within the header's limits.
+    pub fn closest_packets(&self, packets: &mut [Query], hits: &mut [lux_hits]) {
+        let count = packets.len().min(hits.len());
+        debug_assert!(packets.iter().all(|packet| is_safe(&packet.0.rays)));
         // SAFETY: as in `closest`, but that the caller has seen to the floats, without which Embree would stop the process
-        // and not corrupt it; a `Packet` has the layout that the header asks for.
+        // and not corrupt it; a `Query` has the layout and the alignment that the header asks for.
         unsafe {
             ffi::lux_closest_packets(
                 self.handle.as_ptr(),
-                packets.as_ptr().cast(),
+                packets.as_mut_ptr().cast(),
                 count as u64,
                 hits.as_mut_ptr(),
             );
@@ -190,7 +224,7 @@ fn empty_unsafe(rays: &mut [lux_ray]) {
 }
 
 /// Whether Embree may see all rays of a packet.
-fn is_safe(Packet(rays): &Packet) -> bool {
+fn is_safe(rays: &lux_packet) -> bool {
     let [x, y, z] = &rays.origin;
     let [u, v, w] = &rays.direction;
     [x, y, z, u, v, w].into_iter().flatten().all(|x| x.abs() <= LARGEST)
