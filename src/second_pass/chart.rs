@@ -115,9 +115,10 @@ impl Chart {
             [uv[0][i], uv[1][i]] = [clamp_unit(along(of_u)), clamp_unit(along(of_v))];
         }
         if self.triangle {
-            for i in 0..LANES {
-                let over = (uv[0][i] + uv[1][i]).max(1.0);
-                [uv[0][i], uv[1][i]] = [uv[0][i] / over, uv[1][i] / over];
+            let [us, vs] = &mut uv;
+            for (u, v) in us.iter_mut().zip(vs) {
+                let over = (*u + *v).max(1.0);
+                (*u, *v) = (*u / over, *v / over);
             }
         }
         uv

@@ -34,11 +34,13 @@ pub(super) fn draw_several(first: u32, set: u32, seed: u32, numbers: &mut [[f32;
     numbers.iter_mut().zip(found).for_each(|(numbers, found)| *numbers = found);
 }
 
-/// What the first 16 bits of a point's index, the highest bit of a reversed one first, add to its numbers: by set and dimension, bits
-/// reversed.
-static DIRECTIONS: LazyLock<Vec<[[u32; 4]; 16]>> = LazyLock::new(|| {
-    let dimension = |set: u32, bit: usize, k: usize| sobol_rev(1 << (31 - bit), 4 * set + k as u32);
-    (0..NUM_DIMENSION_SETS_4D).map(|set| from_fn(|bit| from_fn(|k| dimension(set, bit, k)))).collect()
+/// What the 16 bits of a point's index add to its numbers: by set, by four bits of the reversed index, the highest first, by what they are, and by
+/// dimension; bits reversed.
+static DIRECTIONS: LazyLock<Vec<[[[u32; 4]; 16]; 4]>> = LazyLock::new(|| {
+    let of = |set: u32, four: usize, is: usize| {
+        from_fn(|dimension| sobol_rev((is as u32) << (28 - 4 * four), 4 * set + dimension as u32))
+    };
+    (0..NUM_DIMENSION_SETS_4D).map(|set| from_fn(|four| from_fn(|is| of(set, four, is)))).collect()
 });
 
 /// Points that follow on each other.
@@ -55,27 +57,13 @@ impl HotLoop for Several {
     fn run(self) -> Self::Output {
         let Several { first, set, seed } = self;
         let (order, scramble) = (order(seed), scramble(seed, set));
-        let mut index = [0; TOGETHER];
-        for k in 0..TOGETHER {
-            index[k] = owen_scramble_rev((first + k as u32).reverse_bits(), order);
-        }
-        let mut sums = [[0; TOGETHER]; 4];
-        for of in &DIRECTIONS[set as usize] {
-            let taken = index.map(|index| 0u32.wrapping_sub(index >> 31));
-            index = index.map(|index| index << 1);
-            for (sums, of) in sums.iter_mut().zip(of) {
-                for k in 0..TOGETHER {
-                    sums[k] ^= of & taken[k];
-                }
-            }
-        }
-        let mut numbers = [[0.0; TOGETHER]; 4];
-        for ((numbers, sums), scramble) in numbers.iter_mut().zip(&sums).zip(scramble) {
-            for k in 0..TOGETHER {
-                numbers[k] = number(sums[k], scramble);
-            }
-        }
-        from_fn(|k| from_fn(|dimension| numbers[dimension][k]))
+        let directions = &DIRECTIONS[set as usize];
+        from_fn(|k| {
+            let index = owen_scramble_rev((first + k as u32).reverse_bits(), order);
+            let of = |four: usize| &directions[four][(index >> (28 - 4 * four)) as usize & 15];
+            let [a, b, c, d] = [of(0), of(1), of(2), of(3)];
+            from_fn(|n| number(a[n] ^ b[n] ^ c[n] ^ d[n], scramble[n]))
+        })
     }
 }
 

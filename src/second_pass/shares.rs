@@ -43,6 +43,7 @@ pub(super) fn quarters(
             at[i] = ((if i < count { at[i] } else { at[0] }) - low) * scale;
         }
     }
+    let inside = |x: f64| (0.0..1.0).contains(&x);
     let (mut weights, mut within, mut sides) = ([[0.0; LANES]; 4], [false; LANES], [[false; LANES]; 2]);
     for i in 0..LANES {
         let (x, y) = (at[0][i], at[1][i]);
@@ -52,7 +53,7 @@ pub(super) fn quarters(
         for (weights, of) in weights.iter_mut().zip([rest_s * rest_t, s * rest_t, rest_s * t, s * t]) {
             weights[i] = taken * of;
         }
-        within[i] = (x >= 0.0) & (x < 1.0) & (y >= 0.0) & (y < 1.0);
+        within[i] = inside(x) & inside(y);
         (sides[0][i], sides[1][i]) = (x > 0.5, y > 0.5);
     }
     let all = |is: [bool; LANES]| is.into_iter().fold(true, |all, is| all & is);
