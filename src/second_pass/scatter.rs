@@ -132,11 +132,13 @@ impl<'a> Scatterer<'a> {
         let manners = surfaces().map(|s| {
             let material = appearance.of(s);
             let glass = &material.transmission;
+            let diffuse = material.diffuse.iter().any(|&d| d > 0.0);
             Manner {
                 black_behind: glass.is_none() && !geometry.two_sided[s.index()],
                 solid: matches!(glass, Some(Transmission::Solid { .. })),
                 goes_on: settings.passes == Passes::Both && material.is_specular(),
-                asks: asks && ladder.lamps_apart && material.diffuse.iter().any(|&d| d > 0.0),
+                asks: asks && ladder.lamps_apart && diffuse,
+                gathers: ladder.far.is_some() && diffuse,
                 gloss: asks
                     && settings.passes == Passes::Both
                     && glass.is_none()

@@ -19,8 +19,10 @@ pub(super) struct Manner {
     pub solid: bool,
     /// Whether the path may go on.
     pub goes_on: bool,
-    /// Whether it asks lamps for light, and gathers.
+    /// Whether it asks lamps for what it reflects diffusely.
     pub asks: bool,
+    /// Whether it gathers what falls on it.
+    pub gathers: bool,
     /// Whether its lobe is rough, and asks lamps for light.
     pub gloss: bool,
     /// Whether it emits.
@@ -96,7 +98,7 @@ impl Take<'_, '_> {
         if manner.asks || manner.gloss {
             film.lit.extend(numbers.clone());
         }
-        if manner.asks {
+        if manner.gathers {
             film.gathering.extend(numbers.clone());
         }
         if manner.glows && manner.glows_apart {
@@ -199,7 +201,7 @@ impl Take<'_, '_> {
         if manner.asks || manner.gloss && bounces == 0 {
             film.lit.push(k as u32);
         }
-        if manner.asks && !far {
+        if manner.gathers && !far {
             film.gathering.push(k as u32);
         }
         if manner.glows && bounces == 0 && (manner.glows_apart || wave.density(k) < f32::INFINITY) {
