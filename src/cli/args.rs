@@ -79,12 +79,9 @@ pub struct Options {
     /// Seed of the second pass
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
-    #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
-    pub exposure: String,
-    /// Add the spectral channels and CIE XYZ to the EXR
-    #[arg(long)]
-    pub spectral: bool,
+    /// How the image is written.
+    #[command(flatten)]
+    pub picture: Picture,
 }
 
 /// Options of all commands that compute light.
@@ -140,6 +137,17 @@ pub struct Lighting {
     /// Write what was done, with times and counts, as JSON
     #[arg(long, value_name = "OUT.json")]
     pub report: Option<PathBuf>,
+}
+
+/// How an image is written.
+#[derive(Debug, Args)]
+pub struct Picture {
+    /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
+    #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
+    pub exposure: String,
+    /// Add the spectral channels and CIE XYZ to the EXR
+    #[arg(long)]
+    pub spectral: bool,
 }
 
 /// The view that is shown.

@@ -1,6 +1,6 @@
 //! `luxgraph reference`
 
-use super::args::{Tracing, View};
+use super::args::{Picture, Tracing, View};
 use super::options::{camera, exposure, tracer_choice};
 use super::outputs::Targets;
 use super::progress::Bars;
@@ -41,12 +41,9 @@ pub struct Reference {
     /// Seed of the paths
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// Exposure of the PNG: auto, or EV (0 shows 100 cd/m² as white, +1 doubles the signal)
-    #[arg(long, value_name = "auto|EV", default_value = "auto", allow_hyphen_values = true)]
-    pub exposure: String,
-    /// Add the spectral channels and CIE XYZ to the EXR
-    #[arg(long)]
-    pub spectral: bool,
+    /// How the image is written.
+    #[command(flatten)]
+    pub picture: Picture,
     /// Who answers rays.
     #[command(flatten)]
     pub tracing: Tracing,
@@ -69,7 +66,7 @@ struct Report {
 
 /// Renders one reference.
 pub fn run(args: &Reference) -> Result<()> {
-    let exposure = exposure(&args.exposure)?;
+    let exposure = exposure(&args.picture.exposure)?;
     let wavelengths = Wavelengths::parse(&args.wavelengths)?;
     let png = args.output.with_extension("png");
     let targets = Targets { exr: args.output.clone(), png, report: args.report.clone() };
@@ -101,7 +98,7 @@ pub fn run(args: &Reference) -> Result<()> {
     if let Some(noise) = stats.relative_noise {
         say!("noise: {:.3} % of the mean luminance, root mean square over the pixels", 100.0 * noise);
     }
-    let layers = ExrOptions { xyz: args.spectral, spectral: args.spectral };
+    let layers = ExrOptions { xyz: args.picture.spectral, spectral: args.picture.spectral };
     output::exr::write_with(&targets.exr, &found.image, &layers, &[(output::exr::NOISE, &found.noise)])?;
     let exposure_ev = output::png::write(&targets.png, &found.image, exposure)?;
     say!("wrote {} and {} (exposure {exposure_ev:+.2} EV)", targets.exr.display(), targets.png.display());

@@ -39,7 +39,7 @@ pub fn run(args: &Relight) -> Result<()> {
     let options = &args.options;
     let mut settings = settings(options)?;
     settings.first_pass.recall = !args.same_bits;
-    let exposure = exposure(&options.exposure)?;
+    let exposure = exposure(&options.picture.exposure)?;
     let stems: Vec<String> = args.changes.iter().map(|path| stem(path)).collect();
     if let Some(twice) = stems.iter().enumerate().find(|(i, s)| stems[..*i].contains(s)) {
         return Err(Error::Settings(format!(
@@ -84,7 +84,7 @@ pub fn run(args: &Relight) -> Result<()> {
             settings: &settings,
             tracer: tracer.as_ref(),
             exposure,
-            spectral: options.spectral,
+            spectral: options.picture.spectral,
             checkpoint: None,
             target: None,
             started,

@@ -64,7 +64,7 @@ pub fn run(args: &Render) -> Result<()> {
     let options = &args.options;
     let mut settings = settings(options)?;
     settings.refinement = refinement(args)?;
-    let exposure = exposure(&options.exposure)?;
+    let exposure = exposure(&options.picture.exposure)?;
     let target = target(args)?;
     let exr = args.output.clone().unwrap_or_else(|| {
         Path::new(args.scene.file_stem().unwrap_or("image".as_ref())).with_extension("exr")
@@ -96,7 +96,7 @@ pub fn run(args: &Render) -> Result<()> {
             settings: &reached.settings,
             tracer: tracer.as_ref(),
             exposure,
-            spectral: options.spectral,
+            spectral: options.picture.spectral,
             checkpoint: None,
             target: Some(report(target, &reached)),
             started,
@@ -113,7 +113,7 @@ pub fn run(args: &Render) -> Result<()> {
         settings: &settings,
         tracer: tracer.as_ref(),
         exposure,
-        spectral: options.spectral,
+        spectral: options.picture.spectral,
         checkpoint: Some(Checkpoint::beside(&targets.exr, args.resume)),
         target: None,
         started,

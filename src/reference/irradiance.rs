@@ -2,14 +2,14 @@
 
 use super::asks::Asks;
 use super::emitters::Emitters;
-use super::path::{Path, Replicate, Tracing, Wave, mix, seed_of};
+use super::path::{Path, Replicate, Tracing, Wave, seed_of};
 use super::{REPLICATES, ReferenceSettings, check};
 use crate::error::Result;
 use crate::geometry::Ray;
 use crate::measure::Place;
 use crate::observer::Observer;
 use crate::scene::{Geometry, SampledAppearance, Sensor};
-use crate::second_pass::NO_MEDIUM;
+use crate::second_pass::{NO_MEDIUM, mix};
 use crate::tracers::RayTracer;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};

@@ -7,7 +7,7 @@ use super::events::Room;
 use crate::geometry::{Hit, Ray, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
 use crate::scene::{Camera, Geometry, SampledAppearance, View};
-use crate::second_pass::{NO_MEDIUM, inset, ray_offset};
+use crate::second_pass::{NO_MEDIUM, inset, mix, ray_offset};
 use crate::spectrum::LUMENS_PER_WATT;
 use crate::tracers::RayTracer;
 use glam::DVec3;
@@ -173,13 +173,6 @@ pub fn uniform(path: &Path, set: u32) -> [f64; 4] {
 /// The seed of a pixel's or a sensor's paths in one replicate.
 pub fn seed_of(tracing: &Tracing, pixel: usize, number: u32) -> u32 {
     mix(pixel as u32 ^ mix(tracing.seed.wrapping_add(mix(number + 1))))
-}
-
-/// Scatters the bits of a number (the finaliser of MurmurHash3).
-pub fn mix(mut x: u32) -> u32 {
-    x = (x ^ x >> 16).wrapping_mul(0x85eb_ca6b);
-    x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
-    x ^ x >> 16
 }
 
 impl Replicate {

@@ -5,9 +5,10 @@
 //! a broad lobe meet a small lamp, few places on a large lamp lie in a narrow lobe. Each counts by the power heuristic
 //! (E. Veach and L. Guibas, *Optimally Combining Sampling Techniques for Monte Carlo Rendering*, 1995).
 
+use super::film::Film;
 use super::lamps::{Ask, Lamps, Source};
 use super::lobe::{lobe_density, lobe_weight};
-use super::scatter::{Film, Scatterer};
+use super::scatter::Scatterer;
 use super::sequence::draw;
 use super::wave::{NO_MEDIUM, Wave};
 use crate::geometry::{Hit, Ray, Side};

@@ -1,7 +1,8 @@
 //! The rung `gather`: light from diffuse surfaces, gathered over the hemisphere.
 
+use super::film::Film;
 use super::ladder::NEAR_BOUNCES;
-use super::scatter::{Film, Scatterer};
+use super::scatter::Scatterer;
 use super::sequence::draw;
 use super::wave::{Path, Wave};
 use crate::geometry::{Hit, Ray, Side};

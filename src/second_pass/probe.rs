@@ -1,9 +1,10 @@
 //! Specular light along rays that no camera sent.
 
+use super::film::Film;
 use super::interpolate::DiffuseField;
 use super::ladder::Ladder;
 use super::render::LitScene;
-use super::scatter::{Film, Scatterer};
+use super::scatter::Scatterer;
 use super::settings::{Passes, Rung, SecondPassSettings};
 use super::wave::{NO_MEDIUM, Path, Wave};
 use crate::geometry::Ray;

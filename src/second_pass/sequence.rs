@@ -87,7 +87,7 @@ pub(super) fn number(bits: u32, scramble: u32) -> f32 {
 }
 
 /// Scatters the bits of a number (the finaliser of MurmurHash3).
-pub(super) fn mix(mut x: u32) -> u32 {
+pub(crate) fn mix(mut x: u32) -> u32 {
     x = (x ^ x >> 16).wrapping_mul(0x85eb_ca6b);
     x = (x ^ x >> 13).wrapping_mul(0xc2b2_ae35);
     x ^ x >> 16

@@ -1,8 +1,9 @@
 //! The diffuse light that the paths of a wave meet.
 
 use super::chart::LANES;
+use super::film::Film;
 use super::interpolate::{Found, Taken};
-use super::scatter::{Film, Scatterer};
+use super::scatter::Scatterer;
 use super::shares::Shares;
 use super::wave::{NO_MEDIUM, Wave};
 use crate::geometry::{Hit, Side};

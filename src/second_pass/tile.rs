@@ -1,7 +1,8 @@
 //! Pixels that are traced together, the work of one task.
 
 use super::eye::Look;
-use super::scatter::{Film, Scatterer};
+use super::film::Film;
+use super::scatter::Scatterer;
 use super::sequence::mix;
 use super::wave::{Fresh, Wave};
 use crate::geometry::Hit;
