@@ -115,9 +115,14 @@ impl Lamps {
                 });
             }
         }
-        let few = lamps.len() <= FEW;
-        let strengths = sums(lamps.iter().map(|lamp| if few { 0.0 } else { lamp.strength }));
-        Lamps { lamps, strengths: if few { Vec::new() } else { strengths }, on }
+        Lamps::of(lamps, on)
+    }
+
+    /// Of these, which stand `on` surfaces as it says.
+    fn of(lamps: Vec<Lamp>, on: Vec<[u32; 2]>) -> Self {
+        let strengths =
+            if lamps.len() > FEW { sums(lamps.iter().map(|lamp| lamp.strength)) } else { Vec::new() };
+        Lamps { lamps, strengths, on }
     }
 
     /// Whether nothing emits.
@@ -362,37 +367,61 @@ mod tests {
         assert!(mean.distance(expected) < 1e-4 * angle, "{mean} {expected}");
     }
 
+    /// A square of 2 m in so many lamps each way, 1 m over a floor: F = 4 times that of a quarter, a corner over a parallel square.
+    /// Few lamps are chosen by what may be expected of them, many by their strength.
     #[test]
     fn what_is_asked_for_is_the_irradiance_of_a_rectangle() {
-        // A square of 2 m, 1 m over a place: F = 4 times that of a quarter, a corner over a parallel square.
-        let corner = |x: f64, y: f64| DVec3::new(x, y, 1.0);
-        let quad = Shape::Quad([corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)]);
-        let floor = Shape::Quad(
-            [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0)),
-        );
-        let shapes = vec![(quad, false, 0, ObjectId(0)), (floor, false, 1, ObjectId(0))];
-        let geometry = Geometry::new(shapes, vec!["all".into()]);
-        let x = geometry.surfaces[1].middle();
-        let height = geometry.surfaces[0].middle().z - x.z;
-        let half = 1.0 / (1.0f64 + height * height).sqrt();
-        let exact = 4.0 * half * half.atan() / (2.0 * std::f64::consts::PI) * 2.0;
-        let (triangles, count) = geometry.surfaces[0].triangles();
-        let lamp = Lamp {
-            body: Body::Flat(triangles, count),
-            normal: geometry.surfaces[0].plane().map_or(DVec3::ZERO, |p| p.normal),
-            middle: geometry.surfaces[0].middle(),
-            strength: 1.0,
-            reach: 1.5,
-            source: Source::Surface(SurfaceId(0)),
-        };
-        let lamps = Lamps { lamps: vec![lamp], strengths: Vec::new(), on: vec![[0, NO_LAMP]; 2] };
-        let mut chances = Vec::new();
-        let n = 200;
-        let total: f64 = lattice(n)
-            .filter_map(|[u, v]| lamps.ask(&geometry, (x, Some(DVec3::Z)), [u, v, 0.0], &mut chances))
-            .map(|ask| ask.direction.z.max(0.0) * ask.share)
-            .sum();
-        let found = total / (n * n) as f64 / std::f64::consts::PI;
-        assert!((found - exact).abs() < 1e-3 * exact, "{found} {exact}");
+        for parts in [1, 3, 18] {
+            let corner = |x: usize, y: usize| {
+                let at = |k: usize| 2.0 * k as f64 / parts as f64 - 1.0;
+                DVec3::new(at(x), at(y), 1.0)
+            };
+            let quad = |k: usize| {
+                let (x, y) = (k % parts, k / parts);
+                Shape::Quad([corner(x, y), corner(x, y + 1), corner(x + 1, y + 1), corner(x + 1, y)])
+            };
+            let floor = Shape::Quad(
+                [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0)),
+            );
+            let all = parts * parts;
+            let shapes =
+                (0..all).map(quad).chain([floor]).map(|shape| (shape, false, 0, ObjectId(0))).collect();
+            let geometry = Geometry::new(shapes, vec!["all".into()]);
+            let x = geometry.surfaces[all].middle();
+            let height = geometry.surfaces[0].middle().z - x.z;
+            let half = 1.0 / (1.0f64 + height * height).sqrt();
+            let exact = 4.0 * half * half.atan() / (2.0 * std::f64::consts::PI) * 2.0;
+            let lamp = |k: usize| {
+                let surface = &geometry.surfaces[k];
+                let (triangles, count) = surface.triangles();
+                Lamp {
+                    body: Body::Flat(triangles, count),
+                    normal: surface.plane().map_or(DVec3::ZERO, |p| p.normal),
+                    middle: surface.middle(),
+                    strength: surface.area,
+                    reach: 0.5 * surface.bounds().size().length(),
+                    source: Source::Surface(SurfaceId(k as u32)),
+                }
+            };
+            let on = (0..=all).map(|k| [if k < all { k as u32 } else { NO_LAMP }, NO_LAMP]).collect();
+            let lamps = Lamps::of((0..all).map(lamp).collect(), on);
+            assert_eq!(lamps.strengths.is_empty(), all <= FEW);
+            let mut chances = Vec::new();
+            for n in [Some(DVec3::Z), None] {
+                let (mut sum, cells) = (0.0, 300);
+                for [u, v] in lattice(cells) {
+                    let Some(ask) = lamps.ask(&geometry, (x, n), [u, v, 0.0], &mut chances) else { continue };
+                    sum += ask.direction.z.max(0.0) * ask.share / (cells * cells) as f64;
+                    let Source::Surface(id) = ask.source else { panic!("no light has no body") };
+                    // Where a path meets the place a lamp must be known to have been asked as often as it was.
+                    if n.is_none() {
+                        let density = lamps.density(&geometry, x, (id, Side::Front, ask.to), &mut chances);
+                        assert!((density / ask.density - 1.0).abs() < 1e-9, "{density} {}", ask.density);
+                    }
+                }
+                let found = sum / std::f64::consts::PI;
+                assert!((found - exact).abs() < 1e-3 * exact, "{parts} parts, {n:?}: {found} {exact}");
+            }
+        }
     }
 }
