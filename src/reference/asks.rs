@@ -2,6 +2,7 @@
 
 use super::emitters::Source;
 use super::path::Tracing;
+use crate::second_pass::power_heuristic;
 use crate::tracers::Segment;
 use crate::visibility::Passages;
 use glam::DVec3;
@@ -30,7 +31,7 @@ impl Ask<'_> {
     /// What the emission counts for where a path would have been sent this way with a `density`, 1/sr.
     pub fn factor(&self, density: f64) -> f64 {
         match self.from {
-            From::Surface(own) => power(own, density) / own,
+            From::Surface(own) => power_heuristic(own, density) / own,
             From::Light(share) => share,
         }
     }
@@ -130,11 +131,4 @@ impl Tracing<'_> {
         let list = Passages::walk(self.geometry, self.tracer, from, to)?;
         self.appearance.through(self.geometry, &list, (to - from).normalize())
     }
-}
-
-/// Weight of the first of two ways to find a path, by their densities (power heuristic).
-pub fn power(own: f64, other: f64) -> f64 {
-    let ratio = other / own;
-    // Where the other way is infinitely denser nothing is left.
-    1.0 / (1.0 + ratio * ratio)
 }

@@ -1,11 +1,11 @@
 //! What becomes of a path where it meets a surface.
 
-use super::asks::{Asks, power};
+use super::asks::Asks;
 use super::bsdf::Opaque;
 use super::path::{Path, Tracing, Wave, uniform};
 use crate::geometry::{Hit, Ray, Side, SurfaceId};
 use crate::material::{SampledMaterial, Transmission};
-use crate::second_pass::{NO_MEDIUM, reflect, refract};
+use crate::second_pass::{NO_MEDIUM, power_heuristic, reflect, refract};
 use glam::DVec3;
 
 /// Events before roulette begins.
@@ -70,7 +70,7 @@ impl Tracing<'_> {
             let distance2 = met.path.start.distance_squared(ray.at(hit.t));
             let asked = self.emitters.density(self.geometry, met.surface, met.side, met.position) * distance2
                 / cosine;
-            power(met.path.density, asked)
+            power_heuristic(met.path.density, asked)
         } else {
             1.0
         };

@@ -70,7 +70,7 @@ impl<'a> Direct<'a> {
         }
         let place = self.geometry.surface(hit.surface).project(ray.at(hit.t));
         let asked = self.lamps.density(self.geometry, ray.origin, (hit.surface, hit.side, place), chances);
-        power(f64::from(density), f64::from(self.samples) * asked) as f32
+        power_heuristic(f64::from(density), f64::from(self.samples) * asked) as f32
     }
 
     /// Adds to the film what the lit places among those that the paths of `wave` meet reflect of the light of lamps.
@@ -219,7 +219,7 @@ impl Lobe<'_> {
             return 0.0;
         }
         material.reflect.eval(i.dot(h) as f32, fresnel);
-        value * power(samples * ask.density, rays * own)
+        value * power_heuristic(samples * ask.density, rays * own)
     }
 }
 
@@ -228,8 +228,8 @@ pub(super) fn carried(i: DVec3, h: DVec3, n: DVec3, m: f64, rays: u32) -> f32 {
     (f64::from(rays) * lobe_density(i, h, n, m)) as f32
 }
 
-/// Share of the first of two ways to find light, by their densities.
-fn power(own: f64, other: f64) -> f64 {
+/// Share of the first of two ways to find light, by their densities: the power heuristic.
+pub fn power_heuristic(own: f64, other: f64) -> f64 {
     if own.is_infinite() {
         return 1.0;
     }

@@ -31,6 +31,7 @@ mod tile;
 mod wave;
 
 pub use checkpoint::Checkpoint;
+pub(crate) use direct::power_heuristic;
 pub use interpolate::{DiffuseField, Interpolator};
 pub(crate) use lobe::{lobe_density, lobe_weight, reflect, refract, sample_facet};
 pub use noise::{NoiseStats, NoiseTarget, PixelNoise};

@@ -1,8 +1,7 @@
 //! Ray tracing: one small seam, several implementations.
 //!
 //! All tracers see the same surfaces (vertices on the `f32` lattice, quads as Embree splits them, the others as they
-//! are)
-//! and must agree but for rays that graze within rounding: [`judge`] says which those are.
+//! are) and must agree but for rays that graze within rounding: [`judge`] says which those are.
 
 pub mod brute_force;
 mod choose;

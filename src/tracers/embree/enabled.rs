@@ -21,6 +21,10 @@ const PACKETS: usize = 8;
 /// Rays per call.
 const BATCH: usize = PACKETS * LANES;
 
+/// A segment with an end further out than so many times the scene's radius is not Embree's: its boxes are met or missed
+/// by rounding in units of that end (measured: beyond 8, some of 1e6 segments at the borders of boxes slip between two).
+const FAR: f64 = 4.0;
+
 /// How often Embree is asked for what lies beyond a hit that does not count, before all surfaces are
 /// tested in `f64` instead.
 const TURNS: usize = 16;
@@ -188,6 +192,13 @@ impl EmbreeTracer {
         blocked[0]
     }
 
+    /// Whether an end lies so far out that the ray has to be moved up to the scene, as [`RayTracer::closest`] does.
+    #[inline]
+    fn is_far(&self, segment: &Segment) -> bool {
+        let furthest = segment.from.abs().max(segment.to.abs()).max_element();
+        f64::from(furthest) > FAR * self.frame.radius
+    }
+
     fn occluded_few(&self, segments: &[Segment], blocked: &mut [bool]) {
         let mut rays = [EMPTY_RAY; LANES];
         let mut answers = [0u8; LANES];
@@ -267,6 +278,11 @@ impl RayTracer for EmbreeTracer {
             let bits = self.occluded_packet(&mut filling);
             for (lane, blocked) in blocked.iter_mut().enumerate() {
                 *blocked = bits >> lane & 1 == 1;
+            }
+        }
+        for (segment, blocked) in segments.iter().zip(blocked) {
+            if self.is_far(segment) {
+                *blocked = self.blocker(segment).is_some();
             }
         }
     }
