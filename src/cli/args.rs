@@ -76,6 +76,11 @@ pub struct Options {
     /// noisy, at the price of a ray and often a shadow ray each, of --samples times as many a pixel [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     pub gather_samples: Option<u32>,
+    /// Limit the specks that lamps make which gloss shows over mirrors or through glass: only chance finds their light. One ray
+    /// brings a pixel no more than so many times what surfaces reflect in the mean, 0.25 for instance; what that
+    /// leaves out is told [default: no limit]
+    #[arg(long, value_name = "TIMES")]
+    pub clamp: Option<f64>,
     /// Seed of the second pass
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,

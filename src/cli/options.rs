@@ -28,6 +28,9 @@ pub fn tracer_choice(arg: TracerArg) -> TracerChoice {
 pub fn settings(options: &Options) -> Result<Settings> {
     let mut settings = lighting_settings(&options.lighting)?;
     settings.second_pass.seed = options.seed;
+    if let Some(clamp) = options.clamp {
+        settings.second_pass.clamp = clamp;
+    }
     if let Some(samples) = options.samples {
         settings.second_pass.samples = samples;
     }
@@ -42,13 +45,13 @@ pub fn settings(options: &Options) -> Result<Settings> {
     if let Some(text) = &options.noise {
         let (noise, most_samples) = (share::parse("a noise", text)?, options.max_samples);
         settings.second_pass.noise = Some(NoiseTarget { noise, most_samples });
-        settings.second_pass.check()?;
     }
     settings.first_pass.parts = settings.second_pass.rung != Rung::Interpolate;
     settings.second_pass.passes = match options.passes {
         PassesArg::First => Passes::FirstPassOnly,
         PassesArg::Both => Passes::Both,
     };
+    settings.second_pass.check()?;
     Ok(settings)
 }
 

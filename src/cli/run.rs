@@ -45,6 +45,9 @@ pub fn prepare<'a>(
 /// Time of one processor that the links of a point take, s: 0.7 ms in a hall of desks, 1.5 ms in a room of 78,000 small faces.
 const LINKS_S: f64 = 1.5e-3;
 
+/// Less than this share of an image's light is not worth a note.
+const LITTLE: f64 = 1e-4;
+
 /// Says before the work begins that light is exchanged over links, if it is and nobody asked for that, and what it takes.
 fn announce_links(scene: &Scene, settings: &Settings, graph: Option<&Path>) {
     let geometry = &scene.geometry;
@@ -217,6 +220,7 @@ impl Job<'_> {
         }
         let ev = output::png::write(&targets.png, image, self.exposure)?;
         say!("wrote {} and {} (exposure {ev:+.2} EV)", targets.exr.display(), targets.png.display());
+        self.tell_by_chance(&stats);
         if let Some(why) = darkness(image, &lit.1, &stats) {
             tell!("note: the image is black: {why}");
         }
@@ -224,6 +228,22 @@ impl Job<'_> {
             write_json(path, &self.report(lit, stats, ev))?;
         }
         Ok(())
+    }
+
+    /// Says how much light of an image only chance found, and how much of that is left out.
+    fn tell_by_chance(&self, stats: &SecondPassStats) {
+        let light = "of the image's light is that of lamps which gloss shows over mirrors or through glass, where only chance finds it";
+        if stats.by_chance_share < LITTLE {
+            return;
+        }
+        let share = 100.0 * stats.by_chance_share;
+        if self.settings.second_pass.clamp.is_infinite() {
+            tell!(
+                "note: {share:.2} % {light}: it may be seen as specks (--clamp 0.25 limits them and tells what that leaves out)"
+            );
+        } else {
+            tell!("note: {share:.2} % {light}; {:.2} % is left out", 100.0 * stats.clamped_share);
+        }
     }
 
     fn report(

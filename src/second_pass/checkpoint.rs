@@ -19,7 +19,7 @@ const MAGIC: &[u8; 8] = b"luxpart2";
 const HASH: usize = 32;
 
 /// Numbers of [`SecondPassStats`] that are kept.
-const COUNTS: usize = 9;
+const COUNTS: usize = 11;
 
 /// A band of rows as it was rendered.
 pub(super) struct Band {
@@ -143,6 +143,8 @@ fn counts(stats: &SecondPassStats) -> [u64; COUNTS] {
         stats.paths_ended,
         stats.gather_rays,
         stats.shadow_rays,
+        stats.by_chance_share.to_bits(),
+        stats.clamped_share.to_bits(),
     ]
 }
 
@@ -157,6 +159,8 @@ fn stats(counts: [u64; COUNTS]) -> SecondPassStats {
         paths_ended: counts[6],
         gather_rays: counts[7],
         shadow_rays: counts[8],
+        by_chance_share: f64::from_bits(counts[9]),
+        clamped_share: f64::from_bits(counts[10]),
         ..SecondPassStats::default()
     }
 }

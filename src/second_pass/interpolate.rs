@@ -47,6 +47,8 @@ pub struct Interpolator {
     partings: Vec<Parting>,
     /// Per surface: how far apart its sample points are, m.
     spacing: Vec<f64>,
+    /// By element: the surface that it is on.
+    surface: Vec<SurfaceId>,
 }
 
 /// Nothing stands on or around an element.
@@ -131,7 +133,19 @@ impl Interpolator {
             .for_each(|i| fronts[points.surface[i].index()] += 1);
         let apart = |(surface, &n): (&Surface, &u32)| (surface.area / f64::from(n.max(1))).sqrt();
         let spacing = geometry.surfaces.iter().zip(&fronts).map(apart).collect();
-        Interpolator { charts, cells, elements, lattice, border_at, stencils, stand_ins, partings, spacing }
+        let surface = points.surface.clone();
+        Interpolator {
+            charts,
+            cells,
+            elements,
+            lattice,
+            border_at,
+            stencils,
+            stand_ins,
+            partings,
+            spacing,
+            surface,
+        }
     }
 
     /// The covered sample points whose radiance those around them stand in for.
@@ -147,6 +161,11 @@ impl Interpolator {
     /// How far apart the sample points of a surface are, m.
     pub(super) fn spacing(&self, surface: SurfaceId) -> f64 {
         self.spacing[surface.index()]
+    }
+
+    /// The surface that an element is on.
+    pub(super) fn surface(&self, element: usize) -> SurfaceId {
+        self.surface[element]
     }
 
     /// Number of sample points.

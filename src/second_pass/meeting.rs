@@ -79,7 +79,11 @@ impl Scatterer<'_> {
             },
             material: self.appearance.surface_material[hit.surface.index()].0,
             asked: self.manners[hit.surface.index()].gloss && path.medium == NO_MEDIUM,
-            path: Path { density: f32::INFINITY, ..path },
+            path: Path {
+                density: f32::INFINITY,
+                by_chance: path.by_chance || path.density < f32::INFINITY,
+                ..path
+            },
             u,
         };
         match &material.transmission {
@@ -150,6 +154,7 @@ impl Scatterer<'_> {
                 Some(drawn) => {
                     if at.asked {
                         path.density = carried(at.i, drawn.1, drawn.0, material.m, rays);
+                        path.by_chance = false;
                     }
                     drawn
                 }

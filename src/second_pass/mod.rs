@@ -4,6 +4,7 @@ mod bands;
 mod cells;
 mod chart;
 mod checkpoint;
+mod clamp;
 mod cover;
 mod direct;
 mod eye;

@@ -21,6 +21,7 @@ const SETTINGS: SecondPassSettings = SecondPassSettings {
     lobe_samples: 8,
     max_depth: SecondPassSettings::MAX_DEPTH,
     tolerance: 1e-3,
+    clamp: f64::INFINITY,
     seed: 0,
 };
 
@@ -36,7 +37,8 @@ impl<'a> Probe<'a> {
     /// `field` is that of the scene.
     pub fn new(scene: &LitScene<'a>, field: &'a DiffuseField<'a>) -> Self {
         let ladder = Ladder { near: field, far: None, lamps_apart: false, direct: None };
-        let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, |_| 0.0, &SETTINGS);
+        let scatterer =
+            Scatterer::new(scene.geometry, scene.appearance, ladder, |_| 0.0, &SETTINGS, f32::INFINITY);
         Probe { scatterer }
     }
 
@@ -58,6 +60,7 @@ impl<'a> Probe<'a> {
                 bounces: 0,
                 medium: NO_MEDIUM,
                 density: f32::INFINITY,
+                by_chance: false,
             };
             wave.push(*ray, path, std::iter::repeat_n(weight, w));
         }

@@ -3,6 +3,7 @@
 use super::SpectralImage;
 use super::bands::{self, Bands};
 use super::checkpoint::Checkpoint;
+use super::clamp;
 use super::interpolate::Interpolator;
 use super::ladder::Fields;
 use super::noise::{NoiseTarget, PixelNoise, REPLICATES, Tally};
@@ -92,7 +93,8 @@ pub fn render_with_checkpoint(
     let fields = Fields::new(scene, settings.rung)?;
     let ladder = fields.ladder(scene, tracer, settings, bright);
     let spacing = |surface| scene.interpolator.spacing(surface);
-    let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, spacing, settings);
+    let limit = clamp::limit(scene, settings, bright);
+    let scatterer = Scatterer::new(scene.geometry, scene.appearance, ladder, spacing, settings, limit);
     let w = scene.solution.wavelengths.len();
     let size = camera.resolution.map(|x| x as usize);
     let (view, near) = (camera.view(scene.geometry.centre), NEAR * scene.geometry.radius);
@@ -120,6 +122,11 @@ pub fn render_with_checkpoint(
         }
     };
     stats.cut_share /= stats.camera_rays.max(1) as f64;
+    let shown: f64 = radiance.chunks_exact(w).map(bright).sum();
+    let samples = stats.camera_rays as f64 / (radiance.len() / w) as f64;
+    let whole = (samples * shown + stats.clamped_share).max(f64::MIN_POSITIVE);
+    stats.by_chance_share /= whole;
+    stats.clamped_share /= whole;
     stats.second_pass_s = start.elapsed().as_secs_f64();
     let [width, height] = camera.resolution;
     let image = SpectralImage { width, height, wavelengths: scene.solution.wavelengths.clone(), radiance };

@@ -35,6 +35,8 @@ pub(super) struct Scatterer<'a> {
     pub inset: Vec<(DVec3, f64)>,
     /// Share of each wavelength in the brightness by which paths are chosen, sum 1.
     brightness: Vec<f32>,
+    /// [`limit`](super::clamp::limit).
+    limit: f32,
 }
 
 impl<'a> Scatterer<'a> {
@@ -44,6 +46,7 @@ impl<'a> Scatterer<'a> {
         ladder: Ladder<'a>,
         spacing: impl Fn(SurfaceId) -> f64,
         settings: &'a SecondPassSettings,
+        limit: f32,
     ) -> Self {
         let surfaces = || (0..geometry.surfaces.len()).map(|s| SurfaceId(s as u32));
         let offset: Vec<f64> = surfaces().map(|s| ray_offset(geometry, s)).collect();
@@ -80,6 +83,7 @@ impl<'a> Scatterer<'a> {
             offset,
             inset,
             brightness: brightness(&appearance.wavelengths.xyz_weights),
+            limit,
         }
     }
 
@@ -134,9 +138,15 @@ impl<'a> Scatterer<'a> {
         for k in film.glowing.iter().map(|&k| k as usize) {
             let Some(hit) = &hits[k] else { continue };
             let met = (&wave.rays[k], wave.density(k));
-            let by_ray = direct.share_by_ray(met, hit, &mut film.shadows.chances);
+            let mut by_ray = direct.share_by_ray(met, hit, &mut film.shadows.chances);
+            let emission = &self.appearance.of(hit.surface).emission;
+            if wave.by_chance(k) {
+                let brought = self.bright_of(&wave.throughput[k * w..][..w], emission);
+                by_ray = (self.limit / brought).min(1.0);
+                film.stats.by_chance_share += f64::from(brought);
+                film.stats.clamped_share += f64::from((1.0 - by_ray) * brought);
+            }
             let share = if self.ladder.lamps_apart { by_ray } else { by_ray - 1.0 };
-            let emission = self.appearance.of(hit.surface).emission.iter();
             let sums = film.radiance[wave.pixel(k) * w..][..w].iter_mut().zip(emission);
             match wave.throughput.get(k * w..(k + 1) * w) {
                 None => sums.for_each(|(sum, l)| *sum += f64::from(share * l)),

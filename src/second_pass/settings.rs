@@ -53,6 +53,9 @@ pub struct SecondPassSettings {
     /// A path that would carry less than this share of its pixel sample ends by Russian
     /// roulette, which leaves the mean as it is. 0 switches it off.
     pub tolerance: f64,
+    /// So many times the mean radiance that surfaces reflect is what one ray may bring a pixel of a lamp that only chance finds:
+    /// from a rough lobe over mirrors or through glass. What that leaves out is reported. Infinite: nothing.
+    pub clamp: f64,
     /// Another seed gives another noise.
     pub seed: u32,
 }
@@ -69,6 +72,7 @@ impl Default for SecondPassSettings {
             lobe_samples: 8,
             max_depth: Self::MAX_DEPTH,
             tolerance: 1e-3,
+            clamp: f64::INFINITY,
             seed: 0,
         }
     }
@@ -100,6 +104,9 @@ impl SecondPassSettings {
         }
         if self.max_depth > Self::MAX_DEPTH {
             return refuse(format!("at most {} specular events a path are possible", Self::MAX_DEPTH));
+        }
+        if self.clamp.is_nan() || self.clamp < 0.0 {
+            return refuse(format!("the clamp must be 0 or more, or inf, not {}", self.clamp));
         }
         if !(0.0..=1.0).contains(&self.tolerance) {
             return refuse(format!("the tolerance must lie between 0 and 1, not at {}", self.tolerance));
@@ -152,6 +159,10 @@ pub struct SecondPassStats {
     pub paths_cut: u64,
     /// Mean share of a pixel sample that those would have carried on.
     pub cut_share: f64,
+    /// About which share of the image's light, as it would be without [`SecondPassSettings::clamp`], only chance found,
+    pub by_chance_share: f64,
+    /// and which of it the clamp left out.
+    pub clamped_share: f64,
     /// Paths ended by Russian roulette (without bias).
     pub paths_ended: u64,
     /// What came of a noise target.
@@ -167,8 +178,8 @@ impl SecondPassStats {
         self.camera_rays + self.reflected_rays + self.transmitted_rays + self.gather_rays + self.shadow_rays
     }
 
-    /// Adds the counts of another part of the image. `cut_share` is a plain sum until
-    /// it is divided by the number of camera rays.
+    /// Adds the counts of another part of the image. `cut_share` and `clamped_share` are plain sums
+    /// until they are divided by the whole.
     pub(crate) fn add(&mut self, other: &SecondPassStats) {
         self.camera_rays += other.camera_rays;
         self.reflected_rays += other.reflected_rays;
@@ -178,6 +189,8 @@ impl SecondPassStats {
         self.missed_rays += other.missed_rays;
         self.paths_cut += other.paths_cut;
         self.cut_share += other.cut_share;
+        self.by_chance_share += other.by_chance_share;
+        self.clamped_share += other.clamped_share;
         self.paths_ended += other.paths_ended;
     }
 }

@@ -205,7 +205,8 @@ impl Take<'_, '_> {
         if manner.gathers && !far {
             film.gathering.push(k as u32);
         }
-        if manner.glows && bounces == 0 && (manner.glows_apart || wave.density(k) < f32::INFINITY) {
+        let in_part = || wave.density(k) < f32::INFINITY || wave.by_chance(k);
+        if manner.glows && bounces == 0 && (manner.glows_apart || in_part()) {
             film.glowing.push(k as u32);
         }
         match scatterer.ladder.near.find(hit.surface, hit.side, met) {

@@ -29,6 +29,8 @@ pub struct Path {
     /// How densely directions like its own leave the lobe that it comes from, 1/sr, where lamps were asked for that lobe's light;
     /// else infinite.
     pub density: f32,
+    /// Whether it came from such a lobe over mirrors or glass: no lamp that it meets there could be asked.
+    pub by_chance: bool,
 }
 
 /// Paths that begin at the eye: `count` in each pixel, all of one pixel after the other.
@@ -78,6 +80,7 @@ impl Wave {
                 bounces: 0,
                 medium: NO_MEDIUM,
                 density: f32::INFINITY,
+                by_chance: false,
             },
         }
     }
@@ -92,6 +95,12 @@ impl Wave {
     #[inline(always)]
     pub fn density(&self, k: usize) -> f32 {
         if self.fresh.is_some() { f32::INFINITY } else { self.paths[k].density }
+    }
+
+    /// [`Path::by_chance`] of path `k`.
+    #[inline(always)]
+    pub fn by_chance(&self, k: usize) -> bool {
+        self.fresh.is_none() && self.paths[k].by_chance
     }
 
     /// Writes down what fresh paths leave out, for `w` wavelengths.

@@ -16,7 +16,7 @@ pub struct Estimate {
     pub wavelengths: f64,
     /// Of the solver: flux not yet absorbed.
     pub solver: f64,
-    /// Of what was cut off the ends of specular chains and paths.
+    /// Of what was cut off the ends of specular chains and paths, and left out of gloss.
     pub chains: f64,
     /// Noise of the second pass, from two images of different seeds.
     pub noise: f64,

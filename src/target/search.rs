@@ -273,7 +273,7 @@ impl Search<'_> {
         loop {
             settings.second_pass.samples = samples as u32;
             let (image, noise, second_pass) = self.view(&level, &settings.second_pass, &counts)?;
-            let chains = known.chains + second_pass.cut_share;
+            let chains = known.chains + second_pass.cut_share + second_pass.clamped_share;
             let estimate = Estimate { noise, chains, ..known }.summed();
             let next = match target {
                 Target::Error(asked) if estimate.total > asked && samples < SAMPLES.1 => {
@@ -325,6 +325,8 @@ impl Search<'_> {
         image.radiance.iter_mut().zip(&other.radiance).for_each(|(a, b)| *a = 0.5 * (*a + b));
         stats.add(&more);
         stats.cut_share *= 0.5;
+        stats.by_chance_share *= 0.5;
+        stats.clamped_share *= 0.5;
         stats.second_pass_s += more.second_pass_s;
         Ok((image, noise, stats))
     }

@@ -143,3 +143,68 @@ fn a_light_without_a_body_has_its_highlight() {
     println!("{found:.4}, brightest {:.3}", expected.iter().fold(0.0_f64, |most, e| most.max(*e)));
     assert!(found < 0.02, "{found}");
 }
+
+/// A small lamp that shines up at a mirror, so that the floor's lobes meet it by chance alone: what the clamp takes is what it says,
+/// the specks are gone, and in many samples it takes little.
+#[test]
+fn what_only_chance_finds_is_limited_and_what_that_leaves_out_is_told() {
+    let lit = room(
+        0.3,
+        r#"[materials.mirror]
+specular = 1.0
+reflectance = 0.0
+roughness = 0.0
+fresnel = { normal = 0.9 }
+[materials.paper]
+reflectance = 0.5
+[materials.glowing]
+reflectance = 0.5
+emission = { spectrum = 1.0, radiance = 0.3 }
+[[objects]]
+name = "mirror"
+material = "mirror"
+quads = [[[-2, -2, 2], [-2, 2, 2], [2, 2, 2], [2, -2, 2]]]
+[[objects]]
+name = "lamp"
+material = "lamp"
+quads = [[[-0.02, 0.98, 1], [0.02, 0.98, 1], [0.02, 1.02, 1], [-0.02, 1.02, 1]]]
+[[objects]]
+name = "paper"
+material = "glowing"
+quads = [[[2, -2, 0], [3, -2, 0], [3, 2, 0], [2, 2, 0]]]
+[[objects]]
+name = "wall"
+material = "paper"
+quads = [[[-2, 2, 0], [2, 2, 0], [2, 2, 2], [-2, 2, 2]]]
+"#,
+    );
+    let sum = |image: &SpectralImage| image.radiance.iter().map(|&l| f64::from(l)).sum::<f64>();
+    let view = |rung: Rung, clamp: f64, samples: u32, seed: u32| {
+        let mut settings = lit.settings.second_pass;
+        (settings.rung, settings.clamp, settings.samples, settings.seed) = (rung, clamp, samples, seed);
+        let (geometry, camera) = (&lit.scene.geometry, &lit.scene.cameras[0]);
+        let (prepared, light, tracer) = (&lit.prepared, &lit.light, lit.tracer());
+        pipeline::view(geometry, prepared, light, camera, tracer.as_ref(), &settings, &Silent)
+            .expect("a view")
+    };
+    for rung in [Rung::Interpolate, Rung::Direct] {
+        let (whole, unlimited) = view(rung, f64::INFINITY, 16, 1);
+        assert_eq!(unlimited.clamped_share, 0.0);
+        let (image, stats) = view(rung, 0.25, 16, 1);
+        let left_out = 1.0 - sum(&image) / sum(&whole);
+        println!("{rung:?}: {} by chance, {left_out} left out", stats.by_chance_share);
+        assert!((stats.by_chance_share - unlimited.by_chance_share).abs() < 1e-6);
+        assert!(left_out > 0.01 && (stats.clamped_share - left_out).abs() < 1e-3 * left_out, "{left_out}");
+        let speckled = |clamp: f64| {
+            let [(a, _), (b, _)] = [1, 2].map(|seed| view(rung, clamp, 16, seed));
+            let apart: f64 = a.radiance.iter().zip(&b.radiance).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+            (0.5 * apart / a.radiance.len() as f64).sqrt() / (sum(&whole) / whole.radiance.len() as f64)
+        };
+        let noise = [f64::INFINITY, 0.25].map(speckled);
+        println!("noise without and with the clamp: {noise:?}");
+        assert!(noise[1] < 0.3 * noise[0], "{noise:?}");
+        let (_, more) = view(rung, 0.25, 1024, 1);
+        println!("of 1,024 samples: {} left out", more.clamped_share);
+        assert!(more.clamped_share < 0.2 * stats.clamped_share);
+    }
+}

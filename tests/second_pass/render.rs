@@ -171,6 +171,7 @@ const EXACT: SecondPassSettings = SecondPassSettings {
     lobe_samples: 2,
     max_depth: 16,
     tolerance: 0.0,
+    clamp: f64::INFINITY,
     seed: 1,
 };
 
