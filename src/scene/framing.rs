@@ -2,7 +2,8 @@
 //!
 //! Places around the scene and inside it are tried, each by a coarse picture of which surface shows where. The one
 //! that shows most of what is lit wins: so it looks in through the open side of a box, not at the back of a wall, and stands inside a
-//! closed room.
+//! closed room. There it looks to where there is most to see, by the entropy of what a picture shows (P.-P. Vázquez et al.,
+//! *Viewpoint Selection using Viewpoint Entropy*, 2001).
 
 use super::{Appearance, Camera, Geometry, LightKind};
 use crate::geometry::{Shape, SurfaceId};
@@ -96,7 +97,8 @@ pub fn camera(geometry: &Geometry, appearance: &Appearance, up: DVec3) -> Camera
         (along(-0.42, 0.08), along(0.3, -0.06), INSIDE_DEG)
     });
     let candidates: Vec<(DVec3, DVec3, f64)> = outside.chain(inside).collect();
-    let scores: Vec<f64> = candidates
+    // Of each what it is worth, and inside how various.
+    let scores: Vec<(f64, f64)> = candidates
         .par_iter()
         .map(|&(at, target, degrees)| {
             let eye = Eye::new(at, target - at, up, degrees);
@@ -105,21 +107,26 @@ pub fn camera(geometry: &Geometry, appearance: &Appearance, up: DVec3) -> Camera
             let sum = sum * area_seen(&shown).sqrt();
             if degrees == OUTSIDE_DEG {
                 let held = eye.pixels_of(&bounds_corners(middle, size));
-                return sum / held.max(1.0);
+                return (sum / held.max(1.0), 1.0);
             }
             let cover = |shown: &[Option<(u32, bool)>]| {
                 shown.iter().flatten().count() as f64 / (WIDTH * HEIGHT) as f64
             };
             let around = || AXES.iter().map(|&way| cover(&Eye::square(at, way, 1.0).picture(&facets)));
             if cover(&shown) < INSIDE_COVER || around().sum::<f64>() < 6.0 * AROUND_COVER {
-                return 0.0;
+                return (0.0, 0.0);
             }
-            sum / (WIDTH * HEIGHT) as f64 / INSIDE_GAIN
+            (sum / (WIDTH * HEIGHT) as f64 / INSIDE_GAIN, entropy(&shown))
         })
         .collect();
     // The first of the best, so that rounding alone never decides between equals.
-    let best = scores.iter().fold(0.0, |best: f64, &s| best.max(s));
-    let chosen = scores.iter().position(|&s| s >= 0.999 * best).unwrap_or(0);
+    let best = |of: &dyn Fn(usize) -> f64| {
+        let most = (0..scores.len()).map(of).fold(0.0, f64::max);
+        (0..scores.len()).find(|&k| of(k) >= 0.999 * most).unwrap_or(0)
+    };
+    let inside = |k: usize| candidates[k].2 == INSIDE_DEG;
+    let worthiest = best(&|k| scores[k].0);
+    let chosen = best(&|k| if inside(k) == inside(worthiest) { scores[k].0 * scores[k].1 } else { 0.0 });
     let (at, target, fov_deg) = candidates[chosen];
     let world = |p: DVec3| p + geometry.centre;
     Camera {
@@ -130,6 +137,15 @@ pub fn camera(geometry: &Geometry, appearance: &Appearance, up: DVec3) -> Camera
         fov_deg,
         resolution: [640, 480],
     }
+}
+
+/// How various a picture is: the entropy of the surfaces that it shows by the pixels that they take.
+fn entropy(shown: &[Option<(u32, bool)>]) -> f64 {
+    let mut pixels = std::collections::BTreeMap::new();
+    for (surface, _) in shown.iter().flatten() {
+        *pixels.entry(*surface).or_insert(0.0) += 1.0 / shown.len() as f64;
+    }
+    -pixels.values().map(|share: &f64| share * share.ln()).sum::<f64>()
 }
 
 fn bounds_corners(middle: DVec3, size: DVec3) -> [DVec3; 8] {
