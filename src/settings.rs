@@ -49,7 +49,7 @@ pub enum Quality {
     Paper,
     /// The default: 8 wavelength bands.
     Standard,
-    /// Four times the points, 16 wavelengths, 64 samples a pixel.
+    /// Four times the points, 16 wavelengths, 256 samples a pixel, with the second pass asking lamps for their own light.
     High,
 }
 
@@ -84,7 +84,9 @@ impl Settings {
             Quality::High => {
                 settings.area_factor = 0.25;
                 settings.wavelengths = Wavelengths::of_bands(16);
-                settings.second_pass.samples = 64;
+                settings.second_pass.rung = Rung::Direct;
+                settings.second_pass.samples = 256;
+                settings.first_pass.parts = true;
             }
         }
         settings

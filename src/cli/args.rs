@@ -191,16 +191,17 @@ pub enum TracerArg {
 /// `--quality`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum QualityArg {
-    /// A quarter of the points, lamps asked for their light (--second-pass direct). Cornell box 0.35 s of processor time
-    /// and 2.9 % off in luminance, the paper's room 0.5 s and 12 %
+    /// A quarter of the points, lamps asked for their light (--second-pass direct). Cornell box 0.2 s of processor time
+    /// and 2.9 % off in luminance, the paper's room 0.4 s and 12 %
     Draft,
-    /// The paper's kernel, four wavelengths, Fresnel tables of 20 entries. Cornell box 0.3 s and 4.1 %, the paper's room
-    /// 1.7 s and 11 %
+    /// The paper's kernel, four wavelengths, Fresnel tables of 20 entries. Cornell box 0.15 s and 4.1 %, the paper's room
+    /// 0.8 s and 11 %
     Paper,
-    /// The scene's own sampling, exact near form factors, 16 samples a pixel. Cornell box 0.7 s and 1.7 %, the paper's
-    /// room 2 s and 10 %
+    /// The scene's own sampling, exact near form factors, 16 samples a pixel. Cornell box 0.4 s and 1.7 %, the paper's
+    /// room 1.2 s and 10 %
     Standard,
-    /// Four times the points, 16 wavelengths, 64 samples a pixel. Cornell box 7 s and 0.6 %, the paper's room 33 s and 3.5 %
+    /// Four times the points, 16 wavelengths, 256 samples a pixel, lamps asked for their light. Cornell box 5.5 s and 0.5 %, the
+    /// paper's room 20 s and 2 %
     High,
 }
 
