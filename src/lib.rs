@@ -15,8 +15,8 @@
 //! * Metres, seconds, nanometres, watts. Radiance is W m⁻² sr⁻¹ nm⁻¹ per wavelength sample;
 //!   lux and cd m⁻² use 683 lm/W.
 //! * Scene files speak world coordinates. A compiled scene is centred: every vertex, and
-//!   every other place that a surface is made of, is stored relative to the centre of the scene's bounds and lies on the `f32` lattice, so all ray
-//!   tracers and the exact judge see the very same surfaces.
+//!   every other place that a surface is made of, is stored relative to the centre of the scene's bounds and lies on
+//!   the `f32` lattice, so all ray tracers and the exact judge see the very same surfaces.
 //! * Normals are unit and point to the front (counter-clockwise) side. Surfaces reflect and emit
 //!   from the front and block from both, unless they are `two_sided`: then sample points lie on both.
 //! * Directions at a surface point away from it.

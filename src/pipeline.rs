@@ -84,8 +84,8 @@ pub fn too_many_for_pairs(
     points > settings.most_paired && !needs_pairs
 }
 
-/// What [`prepare`] makes of `geometry`, to the bit, where `before` was prepared of another geometry: what both see alike is
-/// taken from its graph. It takes the less time the fewer surfaces have moved, come or gone. Links are built anew.
+/// What [`prepare`] makes of `geometry`, to the bit, where `before` was prepared of another geometry: what both see
+/// alike is taken from its graph. It takes the less time the fewer surfaces have moved, come or gone. Links are built anew.
 ///
 /// # Errors
 /// Those of [`points::sample`] and [`VisibilityGraph::update`].
@@ -164,8 +164,8 @@ fn together(links: &LinkSettings, sampling: &Sampling, settings: &Settings) -> L
     LinkSettings { together: Some(sampling), ..*links }
 }
 
-/// `prepared`, with elements divided where the light of `appearance` bends, if [`Settings::refinement`] asks for that: round
-/// by round the first pass is solved, points are added where it asks for them, and the graph is brought up to date.
+/// `prepared`, with elements divided where the light of `appearance` bends, if [`Settings::refinement`] asks for that:
+/// round by round the first pass is solved, points are added where it asks for them, and the graph is brought up to date.
 ///
 /// # Errors
 /// Those of [`light`], [`Links::build`] and [`VisibilityGraph::update`].

@@ -60,8 +60,8 @@ pub struct Options {
     /// Samples a pixel; with --noise the fewest [default: the preset's, 16 in standard]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub samples: Option<u32>,
-    /// Sample until the standard error of luminance is this, 1% for instance, and put the samples where they are worth most:
-    /// root mean square over the pixels, relative to the luminance around or, in the dark, to a tenth of the image's
+    /// Sample until the standard error of luminance is this, 1% for instance, and put the samples where they are worth
+    /// most: root mean square over the pixels, relative to the luminance around or, in the dark, to a tenth of the image's
     /// mean. 32 samples a pixel are taken at least. The EXR gets channels noise.Y (cd/m²) and samples
     #[arg(long, value_name = "SHARE")]
     pub noise: Option<String>,
@@ -76,9 +76,9 @@ pub struct Options {
     /// noisy, at the price of a ray and often a shadow ray each, of --samples times as many a pixel [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     pub gather_samples: Option<u32>,
-    /// Limit the specks that lamps make which gloss shows over mirrors or through glass: only chance finds their light. One ray
-    /// brings a pixel no more than so many times what surfaces reflect in the mean, 0.25 for instance; what that
-    /// leaves out is told [default: no limit]
+    /// Limit the specks that lamps make which gloss shows over mirrors or through glass: only chance finds their
+    /// light. One ray brings a pixel no more than so many times what surfaces reflect in the mean, 0.25 for instance;
+    /// what that leaves out is told [default: no limit]
     #[arg(long, value_name = "TIMES")]
     pub clamp: Option<f64>,
     /// Seed of the second pass
@@ -119,12 +119,12 @@ pub struct Lighting {
     /// points, links of 0.01 between more]
     #[arg(long, value_name = "FORM_FACTOR", conflicts_with = "graph")]
     pub link_tolerance: Option<f64>,
-    /// Up to so many points light is exchanged between all pairs, whose graph grows with the square of their number; between
-    /// more over links
+    /// Up to so many points light is exchanged between all pairs, whose graph grows with the square of their number;
+    /// between more over links
     #[arg(long, value_name = "N", default_value_t = 30_000)]
     pub most_paired: usize,
-    /// Up to so many specular points the light that they reflect and transmit to other surfaces keeps its way; of more it is
-    /// spread evenly. Views show mirrors and glass in any case
+    /// Up to so many specular points the light that they reflect and transmit to other surfaces keeps its way; of more
+    /// it is spread evenly. Views show mirrors and glass in any case
     #[arg(long, value_name = "N", default_value_t = 1000)]
     pub most_specular: usize,
     /// Longest specular chain (the paper's lgmax) [default: as long as the tolerance asks]
@@ -200,8 +200,8 @@ pub enum QualityArg {
     /// The scene's own sampling, exact near form factors, 16 samples a pixel. Cornell box 0.4 s and 1.7 %, the paper's
     /// room 1.2 s and 10 %
     Standard,
-    /// Four times the points, 16 wavelengths, 256 samples a pixel, lamps asked for their light. Cornell box 5.5 s and 0.5 %, the
-    /// paper's room 20 s and 2 %
+    /// Four times the points, 16 wavelengths, 256 samples a pixel, lamps asked for their light. Cornell box 5.5 s and
+    /// 0.5 %, the paper's room 20 s and 2 %
     High,
 }
 

@@ -42,7 +42,8 @@ pub fn prepare<'a>(
     Ok((tracer, prepared))
 }
 
-/// Time of one processor that the links of a point take, s: 0.7 ms in a hall of desks, 1.5 ms in a room of 78,000 small faces.
+/// Time of one processor that the links of a point take, s: 0.7 ms in a hall of desks, 1.5 ms in a room of 78,000
+/// small faces.
 const LINKS_S: f64 = 1.5e-3;
 
 /// Less than this share of an image's light is not worth a note.

@@ -77,8 +77,8 @@ fn held(x: f64, most: f64) -> f64 {
     if x > 0.0 { x.min(most) } else { 0.0 }
 }
 
-/// A linear sRGB colour as XYZ under D65 with Y of white 1. The white is that of the CIE's table, from which the rounded one of
-/// sRGB differs by 10⁻⁴.
+/// A linear sRGB colour as XYZ under D65 with Y of white 1. The white is that of the CIE's table, from which the
+/// rounded one of sRGB differs by 10⁻⁴.
 fn target(rgb: [f64; 3]) -> [f64; 3] {
     let xyz = linear_srgb_to_xyz(rgb);
     [0, 1, 2].map(|c| xyz[c] * OBSERVED.white[c] / D65_WHITE[c])

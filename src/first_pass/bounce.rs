@@ -35,7 +35,8 @@ pub struct Outgoing {
     pub strength: Vec<f64>,
 }
 
-/// The sources of one bounce: diffuse radiance or point lights in the first, radiance under way in the others, both to deliver.
+/// The sources of one bounce: diffuse radiance or point lights in the first, radiance under way in the others, both to
+/// deliver.
 pub struct Bounce<'a> {
     /// All specular points.
     pub set: &'a SpecularSet,

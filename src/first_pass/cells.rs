@@ -34,8 +34,8 @@ const LOW: f32 = 0.15;
 /// A cell pays when it has fewer nodes than this share of its directions.
 const PAYS: f32 = 0.7;
 
-/// How far the width of a lobe may be from what its cell takes it to be, over the tolerance: the lobe is off by no more than
-/// its width, and few elements by as much as the worst.
+/// How far the width of a lobe may be from what its cell takes it to be, over the tolerance: the lobe is off by no
+/// more than its width, and few elements by as much as the worst.
 const WIDTH: f32 = 2.0;
 
 /// Some directions and the nodes that stand for them.
@@ -76,7 +76,8 @@ impl Place {
     }
 }
 
-/// Divides directions `range` of the rough lobe of `all` into cells that leave no more than about `tolerance` of a lobe's height.
+/// Divides directions `range` of the rough lobe of `all` into cells that leave no more than about `tolerance` of a
+/// lobe's height.
 pub fn divide(all: &Directions, range: std::ops::Range<usize>, tolerance: f32) -> Division {
     let mut division = Division::default();
     let shown = range.map(|member| (member, all.get(member))).filter(|(_, d)| d.to[2] > 0.0);

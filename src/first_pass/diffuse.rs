@@ -273,8 +273,8 @@ impl<'a> DiffuseOperator<'a> {
     }
 }
 
-/// E of the `n` points for which `wanted` holds (0 for the others) from the radiance of all, both `[W][N]`, given what makes
-/// sums of products, `[N][bands]`, of radiance that is laid out so and near 1 at every wavelength.
+/// E of the `n` points for which `wanted` holds (0 for the others) from the radiance of all, both `[W][N]`, given what
+/// makes sums of products, `[N][bands]`, of radiance that is laid out so and near 1 at every wavelength.
 pub(super) fn sweep(
     radiance: &[f32],
     n: usize,

@@ -13,7 +13,8 @@ use std::f64::consts::PI;
 
 /// From so many times the goal on it is tried to end without another round of chains.
 const NEAR: f64 = 4.0;
-/// How much of the goal the residual then should be in its mean square, which its size may exceed, with room for what is not followed.
+/// How much of the goal the residual then should be in its mean square, which its size may exceed, with room for what
+/// is not followed.
 const ENOUGH: f64 = 0.2;
 
 impl System<'_> {
@@ -173,8 +174,8 @@ impl Search<'_, '_> {
         })
     }
 
-    /// Tries to reach the goals by diffuse light alone: what it brings to specular points is not followed but counts as left,
-    /// all of it, for no more than that is ever reflected diffusely again. Whether that is enough.
+    /// Tries to reach the goals by diffuse light alone: what it brings to specular points is not followed but counts
+    /// as left, all of it, for no more than that is ever reflected diffusely again. Whether that is enough.
     fn ends_without_chains(&mut self) -> bool {
         let excess = self.left.iter().zip(self.goals).map(|(left, goal)| left / goal).fold(1.0, f64::max);
         let residual = std::mem::take(&mut self.residual);

@@ -61,8 +61,8 @@ impl Known {
         self.images.push(image);
     }
 
-    /// Takes out of an image at wavelength `k`, of a size of about 1, and out of its direction, what lies along those known,
-    /// and makes it a unit one; nothing is left of it, and the answer is no, where less than `least` is left.
+    /// Takes out of an image at wavelength `k`, of a size of about 1, and out of its direction, what lies along those
+    /// known, and makes it a unit one; nothing is left of it, and the answer is no, where less than `least` is left.
     fn orthonormalise(
         &self,
         k: usize,

@@ -21,7 +21,8 @@ impl SpecularPoint {
 }
 
 impl SpecularSet {
-    /// Finds the nodes, to a `tolerance`, and the rows of all lobes that have none, and keeps about `most_bytes` of the rows.
+    /// Finds the nodes, to a `tolerance`, and the rows of all lobes that have none, and keeps about `most_bytes` of
+    /// the rows.
     pub(super) fn find_rows(&mut self, tolerance: f32, most_bytes: u64) {
         let lobes = self.points.iter().map(|p| 1 + usize::from(p.transmission.is_some())).sum::<usize>();
         let most = most_bytes as usize / lobes.max(1) / BYTES;

@@ -172,7 +172,8 @@ fn descent(observer: &dyn Observer) -> impl FnMut(f64) + '_ {
     }
 }
 
-/// Whether an appearance belongs to a scene, of which it must be known what the point lights reach, and holds nothing that is not a number.
+/// Whether an appearance belongs to a scene, of which it must be known what the point lights reach, and holds nothing
+/// that is not a number.
 fn check_appearance(geometry: &Geometry, knows_lights: bool, appearance: &SampledAppearance) -> Result<()> {
     let refuse = |message: &str| Err(Error::Settings(message.into()));
     if appearance.surface_material.len() != geometry.surfaces.len() {

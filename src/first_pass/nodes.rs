@@ -1,5 +1,5 @@
-//! A rough lobe by way of nodes: light goes from the directions of a cell to its nodes, through the lobe from nodes to nodes,
-//! and from these to directions. B(l, k) becomes Σ W(l, p) B(p, q) W(k, q), which is as symmetric as B is; rows cost
+//! A rough lobe by way of nodes: light goes from the directions of a cell to its nodes, through the lobe from nodes to
+//! nodes, and from these to directions. B(l, k) becomes Σ W(l, p) B(p, q) W(k, q), which is as symmetric as B is; rows cost
 //! what nodes ask, however many directions there are.
 
 use super::cells::{Cell, Division, SIDE, divide};

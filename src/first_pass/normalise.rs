@@ -72,8 +72,8 @@ fn spread(directions: &mut Directions, lacks: &[f32]) {
         if root > 0.0 { lacks.iter().map(|lacks| lacks / root).collect() } else { Vec::new() };
 }
 
-/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`. Returns the (mean, largest)
-/// share of the light that balancing did not place in its lobe.
+/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`.
+/// Returns the (mean, largest) share of the light that balancing did not place in its lobe.
 pub fn normalise_reflection(
     directions: &mut Directions,
     (nodes, rows): (Option<&Nodes>, &Rows),
@@ -112,8 +112,8 @@ pub struct Face<'a> {
 }
 
 /// Scales both lobes of both sides of a piece of the surface of a solid, `front` outside, so that all light leaves it
-/// again; `transmit` is 1 - F against the cosine outside. Returns the (mean, largest) share of the light that balancing did not
-/// place in its lobe.
+/// again; `transmit` is 1 - F against the cosine outside. Returns the (mean, largest) share of the light that
+/// balancing did not place in its lobe.
 pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -> (f64, f64) {
     // Rows and columns can both be met only when as much goes in as comes out. A gain on what leaves the
     // back mends that: light that comes in gets its inverse, so a round trip keeps its energy.

@@ -171,8 +171,8 @@ impl<'a> Basis<'a> {
         sum
     }
 
-    /// Takes A x out of `b`, of the combination x that leaves the least of it; adds `factor` x to `radiance`, and as much of C x
-    /// to `chains`.
+    /// Takes A x out of `b`, of the combination x that leaves the least of it; adds `factor` x to `radiance`, and as
+    /// much of C x to `chains`.
     pub fn take(&self, b: &mut [f32], factor: f64, radiance: &mut [f32], chains: &mut ChainFlow) {
         let n = self.weight.len().max(1);
         let shares = self.shares(b);

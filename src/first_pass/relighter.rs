@@ -15,8 +15,8 @@ use std::time::Instant;
 
 /// The first pass of a scene. It keeps what the next appearance can use again: the form factors always, rooms as long
 /// as light passes the same surfaces, and the lobes of specular points where neither they nor what they
-/// see has got another roughness or has become or ceased to be specular; those of solids if nothing at all changes that lobes
-/// depend on. The
+/// see has got another roughness or has become or ceased to be specular; those of solids if nothing at all changes
+/// that lobes depend on. The
 /// solution is the same, to the bit, as if nothing had been kept.
 pub struct Relighter<'a> {
     geometry: &'a Geometry,

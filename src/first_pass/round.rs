@@ -10,8 +10,9 @@ use std::f64::consts::PI;
 /// another surface is next to nothing of the hemisphere.
 const DEEPEST: u8 = 8;
 
-/// Of a piece of a surface that is no polygon seen from a point of another surface: the plain kernel over pieces of it, each
-/// with its own place and normal, as small as that is right for; what is below the horizon or faces away does not count.
+/// Of a piece of a surface that is no polygon seen from a point of another surface: the plain kernel over pieces of
+/// it, each with its own place and normal, as small as that is right for; what is below the horizon or faces away does
+/// not count.
 pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece) -> f64 {
     let (o, n) = (position.as_dvec3(), normal.as_dvec3());
     let fine = |place: DVec3, area: f64| area <= 0.25 * f64::from(NEAR) * place.distance_squared(o);
@@ -26,8 +27,8 @@ pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece) -> f64 {
 
 /// Of a piece of a hollow surface seen from the middle of another piece of it, or of itself. On the inside of a sphere
 /// d_i = d_j = r² / 2R, so the kernel is A / 4R² whatever the points. Elsewhere it is bounded in the same way, by the
-/// curvature, and some few pieces add up to it however near they are; but for the tip of a cone, about which it turns within an
-/// element.
+/// curvature, and some few pieces add up to it however near they are; but for the tip of a cone, about which it turns
+/// within an element.
 pub fn of_own(from: &Piece, piece: &Piece) -> f64 {
     if let Round::Sphere(sphere) = piece.round {
         return piece.area() / (4.0 * sphere.radius * sphere.radius);

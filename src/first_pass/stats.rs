@@ -152,7 +152,8 @@ pub fn over_area(points: &SamplePoints, value: impl Fn(usize) -> f64) -> f64 {
     points.area.iter().enumerate().map(|(i, &a)| f64::from(a) * value(i)).sum()
 }
 
-/// Follows the flux through a solution. `emission`, `radiance` and `irradiance` of all points are `[W][N]`; the irradiance includes that of `lights` and of the chains, which are `flow`.
+/// Follows the flux through a solution. `emission`, `radiance` and `irradiance` of all points are `[W][N]`; the
+/// irradiance includes that of `lights` and of the chains, which are `flow`.
 pub fn balance(
     points: &SamplePoints,
     diffuse: &DiffuseOperator,

@@ -1,8 +1,9 @@
 //! Refinement driven by the light: elements are divided where the radiance of points bends, as it does at the edges of
 //! shadows and where things stand on each other.
 //!
-//! Lamps are divided along with them: an element of a lamp is seen whole or not at all, so that the soft edge of a shadow is
-//! a stair of as many steps as the lamp has elements. More points on the edge alone would show the steps more sharply.
+//! Lamps are divided along with them: an element of a lamp is seen whole or not at all, so that the soft edge of a
+//! shadow is a stair of as many steps as the lamp has elements. More points on the edge alone would show the steps
+//! more sharply.
 
 use super::{Element, MAX_POINTS, SamplePoints, Sampling};
 use crate::geometry::SurfaceId;
@@ -13,8 +14,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// How far refinement by the light goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightRefinement {
-    /// An element is divided where the luminance of the points around strays from a linear one by more than this share of the
-    /// scene's mean luminance; elements smaller than the mean may stray more, by the root of how much smaller they are.
+    /// An element is divided where the luminance of the points around strays from a linear one by more than this share
+    /// of the scene's mean luminance; elements smaller than the mean may stray more, by the root of how much smaller
+    /// they are.
     pub tolerance: f64,
     /// Times that an element may be divided.
     pub rounds: u32,
@@ -56,8 +58,8 @@ impl LightRefiner {
     }
 
     /// One round: the elements of `points`, those divided in four around which `luminance`, by point, bends most.
-    /// `around(i)` are the points of the same surface that touch point `i`, and `i`. Elements of surfaces that emit (`lamp`)
-    /// are divided along, as long as theirs stay a small share of all. `None` where nothing is to be divided.
+    /// `around(i)` are the points of the same surface that touch point `i`, and `i`. Elements of surfaces that emit
+    /// (`lamp`) are divided along, as long as theirs stay a small share of all. `None` where nothing is to be divided.
     pub fn refine(
         &self,
         sampling: &Sampling,
@@ -125,9 +127,10 @@ impl LightRefiner {
     }
 }
 
-/// By how much the luminance of the points `around` point `i`, which are on its side of its surface, strays from that linear one
-/// which comes nearest; where there are three points or fewer, half of what they differ by. At the edge of a surface no point
-/// tells how light bends on the last half of an element, as it does where another surface joins: a share of the slope counts there.
+/// By how much the luminance of the points `around` point `i`, which are on its side of its surface, strays from that
+/// linear one which comes nearest; where there are three points or fewer, half of what they differ by. At the edge of
+/// a surface no point tells how light bends on the last half of an element, as it does where another surface joins: a
+/// share of the slope counts there.
 fn bend(points: &SamplePoints, luminance: &[f64], i: usize, around: &[u32]) -> f64 {
     let of = |j: u32| luminance[j as usize];
     if around.len() <= 3 {

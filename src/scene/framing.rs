@@ -1,8 +1,9 @@
 //! A camera for a scene that has none.
 //!
 //! Places around the scene and inside it are tried, each by a coarse picture of which surface shows where. The one
-//! that shows most of what is lit wins: so it looks in through the open side of a box, not at the back of a wall, and stands inside a
-//! closed room. There it looks to where there is most to see, by the entropy of what a picture shows (P.-P. Vázquez et al.,
+//! that shows most of what is lit wins: so it looks in through the open side of a box, not at the back of a wall, and
+//! stands inside a closed room. There it looks to where there is most to see, by the entropy of what a picture shows
+//! (P.-P. Vázquez et al.,
 //! *Viewpoint Selection using Viewpoint Entropy*, 2001).
 
 use super::{Appearance, Camera, Geometry, LightKind};

@@ -255,7 +255,8 @@ impl LightSource {
         if factor.is_finite() { factor.max(0.0) } else { 0.0 }
     }
 
-    /// The same at `wavelengths`: `[W]`, finite and not negative. The luminous amount is met exactly by the weights of `wavelengths`.
+    /// The same at `wavelengths`: `[W]`, finite and not negative. The luminous amount is met exactly by the weights of
+    /// `wavelengths`.
     pub fn sample(&self, light: &Light, wavelengths: &Wavelengths) -> Vec<f32> {
         let factor = self.factor(light);
         let stored = |s: f64| ((factor * s).max(0.0) as f32).min(f32::MAX);

@@ -161,8 +161,9 @@ impl SceneDescription {
         Ok(())
     }
 
-    /// Reads the model of object `i`. Its materials, lights and cameras become those of the scene; a material of the scene file
-    /// comes before one of the model with its name. `alone`: there is no scene file that would say what the model does not.
+    /// Reads the model of object `i`. Its materials, lights and cameras become those of the scene; a material of the
+    /// scene file comes before one of the model with its name. `alone`: there is no scene file that would say what the
+    /// model does not.
     fn read_model(&mut self, i: usize, kind: Kind, path: &Path, alone: bool) -> Result<()> {
         let mut model = import::read(kind, path, &mut self.sources)?;
         let object = self.document.objects[i].get_ref();

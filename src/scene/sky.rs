@@ -192,7 +192,8 @@ mod tests {
         }
     }
 
-    /// The standard overcast sky is three times as bright above as at the horizon, all but; a clear one is brightest around the sun.
+    /// The standard overcast sky is three times as bright above as at the horizon, all but; a clear one is brightest
+    /// around the sun.
     #[test]
     fn skies_look_as_they_are_called() {
         let low = DVec3::new(1.0, 0.0, 1e-3).normalize();

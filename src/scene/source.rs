@@ -119,7 +119,8 @@ impl Sources {
         source.error(offset.saturating_sub(*base), message)
     }
 
-    /// What went wrong with the file `path`, which `name` names: one that cannot be had is the fault of the line that names it.
+    /// What went wrong with the file `path`, which `name` names: one that cannot be had is the fault of the line that
+    /// names it.
     pub fn blame(&self, name: &Spanned<String>, path: &Path, error: Error) -> Error {
         match error {
             Error::Io { message, .. } => {

@@ -93,7 +93,8 @@ impl<'a> Spectra<'a> {
     }
 }
 
-/// A reflectance or transmittance of this colour under D65, or the light of this colour whose luminance is that of `rgb` in cd/m².
+/// A reflectance or transmittance of this colour under D65, or the light of this colour whose luminance is that of
+/// `rgb` in cd/m².
 fn of_colour(rgb: [f64; 3], as_what: Use) -> std::result::Result<Spectrum, String> {
     let most = match as_what {
         Use::Share => 1.0,

@@ -34,8 +34,8 @@ pub struct Web {
 }
 
 impl Web {
-    /// Of a table in degrees and candela, `[horizontal][vertical]`, with its symmetry still to be unfolded. Angles increase,
-    /// and there are two vertical ones at least.
+    /// Of a table in degrees and candela, `[horizontal][vertical]`, with its symmetry still to be unfolded. Angles
+    /// increase, and there are two vertical ones at least.
     ///
     /// # Errors
     /// What is wrong with the angles, and whether the horizontal ones are to blame.

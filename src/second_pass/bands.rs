@@ -39,8 +39,8 @@ pub(super) fn floats(
 
 impl Bands<'_> {
     /// One stage: `tile` makes the numbers of the pixels at these places (column and row), `[places][layers]`. All of
-    /// the image, `[height][width][layers]`, and the sum of the counts. The bits do not depend on the number of threads, nor on
-    /// what is kept.
+    /// the image, `[height][width][layers]`, and the sum of the counts. The bits do not depend on the number of
+    /// threads, nor on what is kept.
     pub fn stage(
         &mut self,
         stage: u32,

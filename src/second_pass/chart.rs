@@ -4,7 +4,8 @@ use crate::geometry::{Round, Shape, Surface};
 use glam::{DVec2, DVec3};
 
 /// A surface's plane with two axes, ready to invert [`Surface::point_at`]. For what is no polygon the plane is that of
-/// its parameters, as large as the surface: cells are rectangles in it, and what is linear along their edges meets on both sides.
+/// its parameters, as large as the surface: cells are rectangles in it, and what is linear along their edges meets on
+/// both sides.
 #[derive(Clone, Debug)]
 pub struct Chart {
     round: Option<(Round, DVec2)>,

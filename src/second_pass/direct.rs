@@ -1,9 +1,9 @@
-//! Light straight from lamps, asked for at the places that paths meet: what these reflect diffusely, from the rung `direct` on,
-//! and what rough lobes reflect, on every rung.
+//! Light straight from lamps, asked for at the places that paths meet: what these reflect diffusely, from the rung
+//! `direct` on, and what rough lobes reflect, on every rung.
 //!
-//! A lamp in a lobe is found in two ways, by the rays that the lobe sends and by asking it. Neither is good alone: few rays of
-//! a broad lobe meet a small lamp, few places on a large lamp lie in a narrow lobe. Each counts by the power heuristic
-//! (E. Veach and L. Guibas, *Optimally Combining Sampling Techniques for Monte Carlo Rendering*, 1995).
+//! A lamp in a lobe is found in two ways, by the rays that the lobe sends and by asking it. Neither is good alone: few
+//! rays of a broad lobe meet a small lamp, few places on a large lamp lie in a narrow lobe. Each counts by the power
+//! heuristic (E. Veach and L. Guibas, *Optimally Combining Sampling Techniques for Monte Carlo Rendering*, 1995).
 
 use super::film::Film;
 use super::lamps::{Ask, Lamps, Source};
@@ -62,8 +62,8 @@ impl<'a> Direct<'a> {
         (!direct.lamps.is_empty()).then_some(direct)
     }
 
-    /// How much of the emission counts that a path meets at the end of `ray`, which left a rough lobe so densely, 1/sr: the rest
-    /// comes by asking.
+    /// How much of the emission counts that a path meets at the end of `ray`, which left a rough lobe so densely,
+    /// 1/sr: the rest comes by asking.
     pub fn share_by_ray(&self, (ray, density): (&Ray, f32), hit: &Hit, chances: &mut Vec<f64>) -> f32 {
         if density.is_infinite() {
             return 1.0;
@@ -208,8 +208,8 @@ struct Lobe<'a> {
 }
 
 impl Lobe<'_> {
-    /// R^s cos θ_r over F, 1/sr, of what was asked, as far as it counts beside the lobe's own rays when it is one of so many;
-    /// F goes into `fresnel`.
+    /// R^s cos θ_r over F, 1/sr, of what was asked, as far as it counts beside the lobe's own rays when it is one of
+    /// so many; F goes into `fresnel`.
     fn over_fresnel(&self, ask: &Ask, samples: f64, fresnel: &mut [f32]) -> f64 {
         let Lobe { material, i, n, rays } = self;
         let h = (*i + ask.direction).normalize_or_zero();

@@ -293,8 +293,8 @@ impl DiffuseField<'_> {
         (&self.interpolator.charts[surface.index()], sheet(surface.index(), side))
     }
 
-    /// What the first `count` of several places of a sheet take together, which lie at `uv` (a column for each), if they all take
-    /// from the same centre and nodes: the element, these nodes and the sums of the weights.
+    /// What the first `count` of several places of a sheet take together, which lie at `uv` (a column for each), if
+    /// they all take from the same centre and nodes: the element, these nodes and the sums of the weights.
     #[inline(always)]
     pub(super) fn find_alike(
         &self,

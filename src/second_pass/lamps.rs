@@ -1,11 +1,13 @@
 //! What gives light, and how a place asks it: the light comes straight from an emitting surface, drawn by the solid angle
-//! that it subtends, or from a light without a body. The path tracer that judges this pass draws its lights by code of its own.
+//! that it subtends, or from a light without a body. The path tracer that judges this pass draws its lights by code of
+//! its own.
 
 use crate::geometry::{Round, Side, SurfaceId};
 use crate::scene::{Geometry, SampledAppearance};
 use glam::DVec3;
 
-/// Of more lamps than these one is drawn by its strength alone: what may be expected of each at every place would cost too much.
+/// Of more lamps than these one is drawn by its strength alone: what may be expected of each at every place would cost
+/// too much.
 const FEW: usize = 256;
 
 /// Below this a triangle is drawn by area: its cosines and distances are all but the same, sr.
@@ -130,8 +132,8 @@ impl Lamps {
         self.lamps.is_empty()
     }
 
-    /// Asks one lamp for its light at `x` on a surface with unit normal `n`, or, where that is `None`, on one of any normal,
-    /// for three uniform numbers in [0, 1). `None` where none can come from there. `chances` is room to work in.
+    /// Asks one lamp for its light at `x` on a surface with unit normal `n`, or, where that is `None`, on one of any
+    /// normal, for three uniform numbers in [0, 1). `None` where none can come from there. `chances` is room to work in.
     pub fn ask(
         &self,
         geometry: &Geometry,
@@ -245,7 +247,8 @@ impl Lamp {
     }
 
     fn ask(&self, geometry: &Geometry, x: DVec3, u: [f64; 3], chance: f64) -> Option<Ask> {
-        // The place, how many steradians the draw of it stands for, and for how many a draw from all of the body does about.
+        // The place, how many steradians the draw of it stands for, and for how many a draw from all of the body does
+        // about.
         let (to, drawn, about) = match &self.body {
             Body::Light(k) => {
                 let way = geometry.lights[*k].drawn_from(x, u[0], u[1]);
@@ -367,8 +370,8 @@ mod tests {
         assert!(mean.distance(expected) < 1e-4 * angle, "{mean} {expected}");
     }
 
-    /// A square of 2 m in so many lamps each way, 1 m over a floor: F = 4 times that of a quarter, a corner over a parallel square.
-    /// Few lamps are chosen by what may be expected of them, many by their strength.
+    /// A square of 2 m in so many lamps each way, 1 m over a floor: F = 4 times that of a quarter, a corner over a
+    /// parallel square. Few lamps are chosen by what may be expected of them, many by their strength.
     #[test]
     fn what_is_asked_for_is_the_irradiance_of_a_rectangle() {
         for parts in [1, 3, 18] {

@@ -33,8 +33,8 @@ pub fn sample_facet(i: DVec3, n: DVec3, m: f64, u: [f32; 3]) -> DVec3 {
     if f64::from(u[2]) * (one + other) < one { along + across } else { along - across }
 }
 
-/// How densely the direction that the facet `h` reflects is drawn by [`sample_facet`], 1/sr: D G₁(i) i·h / (π n·i) of facets, and
-/// 1/(4 i·h) of it of directions.
+/// How densely the direction that the facet `h` reflects is drawn by [`sample_facet`], 1/sr: D G₁(i) i·h / (π n·i) of
+/// facets, and 1/(4 i·h) of it of directions.
 #[inline]
 pub fn lobe_density(i: DVec3, h: DVec3, n: DVec3, m: f64) -> f64 {
     let (ni, nh, ih) = (n.dot(i), n.dot(h), i.dot(h));

@@ -119,7 +119,8 @@ impl Scatterer<'_> {
         if path.glossy { 1 } else { self.settings.lobe_samples }
     }
 
-    /// The normal by which a rough surface reflects, where it was hit at `position` from direction `i` on the side of `facet`.
+    /// The normal by which a rough surface reflects, where it was hit at `position` from direction `i` on the side of
+    /// `facet`.
     pub fn smooth(&self, hit: &Hit, position: DVec3, facet: DVec3, i: DVec3) -> DVec3 {
         let surface = self.geometry.surface(hit.surface);
         self.shading.normal((surface, hit.surface, hit.side), position, (facet, i), None)

@@ -1,14 +1,16 @@
 //! Sampling to a noise target: how noisy pixels are, and which need more samples.
 //!
-//! A pixel follows [`REPLICATES`] sequences of independent randomness; what their means differ by tells the noise of the mean
-//! of all, which the scatter of the points of one low-discrepancy sequence would not.
+//! A pixel follows [`REPLICATES`] sequences of independent randomness; what their means differ by tells the noise of
+//! the mean of all, which the scatter of the points of one low-discrepancy sequence would not.
 //!
-//! Who stops when his own samples look quiet stops too early where something bright and rare was missed: the mean would be too low,
-//! and the noise told as well. Pixels are therefore coloured like a chessboard, and the samples of a pixel are decided by
-//! those around it of the other colour: no sample has a say in how much it counts, and mean and noise are without bias.
+//! Who stops when his own samples look quiet stops too early where something bright and rare was missed: the mean
+//! would be too low, and the noise told as well. Pixels are therefore coloured like a chessboard, and the samples of a
+//! pixel are decided by those around it of the other colour: no sample has a say in how much it counts, and mean and
+//! noise are without bias.
 //!
-//! Samples go where they are worth most. The noise of the image is the root of the mean of r / n, r the variance of one sample of a pixel
-//! and n the samples; for a given sum of all n it is least where n grows with the root of r (Neyman 1934, for strata).
+//! Samples go where they are worth most. The noise of the image is the root of the mean of r / n, r the variance of
+//! one sample of a pixel and n the samples; for a given sum of all n it is least where n grows with the root of r
+//! (Neyman 1934, for strata).
 
 use serde::Serialize;
 
@@ -30,8 +32,8 @@ const AIM: f64 = 0.95;
 /// How noisy an image may be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NoiseTarget {
-    /// Root mean square over the pixels of the standard error of luminance, each over the mean luminance of the block of 4 x 4
-    /// pixels that it lies in or, in the dark, over a tenth of the mean luminance of the image.
+    /// Root mean square over the pixels of the standard error of luminance, each over the mean luminance of the block
+    /// of 4 x 4 pixels that it lies in or, in the dark, over a tenth of the mean luminance of the image.
     pub noise: f64,
     /// Most samples a pixel, whatever the noise is then.
     pub most_samples: u32,

@@ -46,11 +46,12 @@ struct Source {
 /// Sources whose bits make a word.
 const WORD: usize = 64;
 
-/// An element lies on one side of a foot's line if it does but for this share of its size: far less than [`Parting::inwards`]
-/// moves a place.
+/// An element lies on one side of a foot's line if it does but for this share of its size: far less than
+/// [`Parting::inwards`] moves a place.
 const LEVEL: f64 = 1e-9;
 
-/// How far the corners and nodes on an element's `border` lie from a foot's line, over the distance of the furthest from its
+/// How far the corners and nodes on an element's `border` lie from a foot's line, over the distance of the furthest
+/// from its
 /// `centre`: the least, and the most. Negative where [`side_of`] is true.
 fn range([a, b]: Foot, border: &[DVec2], centre: DVec2) -> (f64, f64) {
     let size = border.iter().map(|at| at.distance(centre)).fold(0.0, f64::max) * a.distance(b);
@@ -58,8 +59,8 @@ fn range([a, b]: Foot, border: &[DVec2], centre: DVec2) -> (f64, f64) {
     heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
 }
 
-/// Whether a foot leaves the straight way to `q` open from wherever in the element with this `border`: both of its ends lie on
-/// the same side of all these ways, for how far aside is linear in where a way begins.
+/// Whether a foot leaves the straight way to `q` open from wherever in the element with this `border`: both of its
+/// ends lie on the same side of all these ways, for how far aside is linear in where a way begins.
 fn passes(foot: Foot, border: &[DVec2], q: DVec2) -> bool {
     let aside = |p: DVec2, end: DVec2| (q - p).perp_dot(end - p) / ((q - p).length() * (end - p).length());
     let all = |is: &dyn Fn(f64) -> bool| border.iter().all(|&p| foot.iter().all(|&end| is(aside(p, end))));
@@ -184,8 +185,8 @@ impl Parting {
         (self.always | across) & (bit(a) | bit(b) | bit(c)) == 0
     }
 
-    /// Whether something parts `place` in the element from what it would take from: the element's centre and these nodes of its
-    /// border.
+    /// Whether something parts `place` in the element from what it would take from: the element's centre and these
+    /// nodes of its border.
     #[inline(always)]
     pub fn parts(&self, place: DVec2, [a, b, c]: [u32; 3]) -> bool {
         let taken = bit(a) | bit(b) | bit(c);

@@ -141,8 +141,8 @@ fn evenly(tiler: &Tiler, places: &[[u32; 2]], room: &mut Room) -> (Vec<f64>, Sec
     (film.radiance, film.stats)
 }
 
-/// Stage by stage more samples where they are worth most, until the image is as little noisy as `target` asks or the samples
-/// have run out. `luminance` is that of a radiance of 1 at each wavelength.
+/// Stage by stage more samples where they are worth most, until the image is as little noisy as `target` asks or the
+/// samples have run out. `luminance` is that of a radiance of 1 at each wavelength.
 fn to_target(
     tiler: &Tiler,
     luminance: &[f64],

@@ -30,8 +30,8 @@ pub(super) struct Scatterer<'a> {
     nearby: Vec<f64>,
     /// How far above a surface rays start, by surface, m.
     pub offset: Vec<f64>,
-    /// Towards which place rays start aside, and by which share of the way, by surface: what is met just beyond an edge would
-    /// else begin on the wrong side of the surface that joins there.
+    /// Towards which place rays start aside, and by which share of the way, by surface: what is met just beyond an
+    /// edge would else begin on the wrong side of the surface that joins there.
     pub inset: Vec<(DVec3, f64)>,
     /// Share of each wavelength in the brightness by which paths are chosen, sum 1.
     brightness: Vec<f32>,

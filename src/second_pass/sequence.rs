@@ -34,8 +34,8 @@ pub(super) fn draw_several(first: u32, set: u32, seed: u32, numbers: &mut [[f32;
     numbers.iter_mut().zip(found).for_each(|(numbers, found)| *numbers = found);
 }
 
-/// What the 16 bits of a point's index add to its numbers: by set, by four bits of the reversed index, the highest first, by what they are, and by
-/// dimension; bits reversed.
+/// What the 16 bits of a point's index add to its numbers: by set, by four bits of the reversed index, the highest
+/// first, by what they are, and by dimension; bits reversed.
 static DIRECTIONS: LazyLock<Vec<[[[u32; 4]; 16]; 4]>> = LazyLock::new(|| {
     let of = |set: u32, four: usize, is: usize| {
         from_fn(|dimension| sobol_rev((is as u32) << (28 - 4 * four), 4 * set + dimension as u32))

@@ -17,7 +17,8 @@ pub enum Passes {
     Both,
 }
 
-/// Where the second pass takes the diffuse light at a hit from: each rung is slower than the one before, and closer to the truth.
+/// Where the second pass takes the diffuse light at a hit from: each rung is slower than the one before, and closer to
+/// the truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rung {
@@ -41,8 +42,8 @@ pub struct SecondPassSettings {
     pub lamp_samples: u32,
     /// Rays over the hemisphere of a hit on the rung `gather`.
     pub gather_samples: u32,
-    /// Camera rays a pixel, spread over its area (a box filter); with a noise target the fewest, 32 at least, rounded up to a
-    /// power of two.
+    /// Camera rays a pixel, spread over its area (a box filter); with a noise target the fewest, 32 at least, rounded
+    /// up to a power of two.
     pub samples: u32,
     /// Sample each part of the image until the whole is no noisier than this; `None`: `samples` everywhere.
     pub noise: Option<NoiseTarget>,
@@ -53,8 +54,8 @@ pub struct SecondPassSettings {
     /// A path that would carry less than this share of its pixel sample ends by Russian
     /// roulette, which leaves the mean as it is. 0 switches it off.
     pub tolerance: f64,
-    /// So many times the mean radiance that surfaces reflect is what one ray may bring a pixel of a lamp that only chance finds:
-    /// from a rough lobe over mirrors or through glass. What that leaves out is reported. Infinite: nothing.
+    /// So many times the mean radiance that surfaces reflect is what one ray may bring a pixel of a lamp that only
+    /// chance finds: from a rough lobe over mirrors or through glass. What that leaves out is reported. Infinite: nothing.
     pub clamp: f64,
     /// Another seed gives another noise.
     pub seed: u32,

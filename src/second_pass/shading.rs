@@ -59,9 +59,9 @@ impl Shading {
         shading
     }
 
-    /// The normal by which light is reflected and refracted at `p` on `surface`, number `id`, on the side met: the smooth one
-    /// where that keeps it on its sides of the facet, whose normal on that side is `facet`. Light comes from `i`; `eta` is
-    /// the index on its side over the other, for a solid.
+    /// The normal by which light is reflected and refracted at `p` on `surface`, number `id`, on the side met: the
+    /// smooth one where that keeps it on its sides of the facet, whose normal on that side is `facet`. Light comes
+    /// from `i`; `eta` is the index on its side over the other, for a solid.
     pub fn normal(
         &self,
         (surface, id, side): (&Surface, SurfaceId, Side),

@@ -21,15 +21,16 @@ pub(super) fn quarter(local: DVec2) -> Shares {
     Shares { centre: rest_s * rest_t, nodes: nodes(right, upper), weights: [s * rest_t, rest_s * t, s * t] }
 }
 
-/// The nodes of a quarter: the middle of the edge to the left or right, then that of the edge below or above, then the corner.
+/// The nodes of a quarter: the middle of the edge to the left or right, then that of the edge below or above, then the
+/// corner.
 #[inline(always)]
 fn nodes(right: u32, upper: u32) -> [u32; 3] {
     // The border runs corner, middle, corner, ... from (0, 0) counter-clockwise.
     [7 - 4 * right, 1 + 4 * upper, 2 * ((3 * upper) ^ right)]
 }
 
-/// [`quarter`] of the first `count` places at `uv` (a column each), in an element of this least u and v and of `scale` over its size: the
-/// nodes and the sums of the weights, if all lie in one quarter of it.
+/// [`quarter`] of the first `count` places at `uv` (a column each), in an element of this least u and v and of `scale`
+/// over its size: the nodes and the sums of the weights, if all lie in one quarter of it.
 #[inline(always)]
 pub(super) fn quarters(
     &[low_u, low_v, scale]: &[f64; 3],

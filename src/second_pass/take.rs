@@ -140,7 +140,8 @@ impl Take<'_, '_> {
         }
     }
 
-    /// Adds these weights to a sum, if it is of these pixel, element and nodes; else the sum to the film, and begins one of these.
+    /// Adds these weights to a sum, if it is of these pixel, element and nodes; else the sum to the film, and begins
+    /// one of these.
     #[inline(always)]
     fn sum_up(&mut self, sum: &mut Sum, of: (usize, u32, [u32; 3]), weights: [f64; 4]) {
         if of != (sum.pixel, sum.element, sum.nodes) {

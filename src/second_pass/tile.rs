@@ -37,8 +37,8 @@ pub(super) struct Tiler<'a> {
 }
 
 impl Tiler<'_> {
-    /// What these points of the sequences of the pixels at `places` (column and row) find, summed. Each `replicate` has its own
-    /// randomness.
+    /// What these points of the sequences of the pixels at `places` (column and row) find, summed. Each `replicate`
+    /// has its own randomness.
     pub fn trace(&self, places: &[[u32; 2]], replicate: u32, points: Range<u32>, room: &mut Room) -> Film {
         let seed = mix(self.scatterer.settings.seed);
         let seed = if replicate == 0 { seed } else { mix(seed.wrapping_add(replicate)) };

@@ -26,8 +26,8 @@ pub struct Path {
     pub bounces: u32,
     /// Material of the solid it is in, or [`NO_MEDIUM`].
     pub medium: u32,
-    /// How densely directions like its own leave the lobe that it comes from, 1/sr, where lamps were asked for that lobe's light;
-    /// else infinite.
+    /// How densely directions like its own leave the lobe that it comes from, 1/sr, where lamps were asked for that
+    /// lobe's light; else infinite.
     pub density: f32,
     /// Whether it came from such a lobe over mirrors or glass: no lamp that it meets there could be asked.
     pub by_chance: bool,

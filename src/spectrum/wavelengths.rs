@@ -164,9 +164,9 @@ impl Wavelengths {
         self.parts[i].iter().map(|part| part.share * f(0.5 * (part.nm[0] + part.nm[1]))).sum()
     }
 
-    /// The spectrum of a light: its value at every wavelength, or its plain mean over every band, then moved by the least relative change that makes
-    /// its XYZ by these weights those of the full spectrum. Where that would turn a sample negative the
-    /// samples are scaled so that Y alone is exact, and where they cannot carry Y either (a narrow line
+    /// The spectrum of a light: its value at every wavelength, or its plain mean over every band, then moved by the
+    /// least relative change that makes its XYZ by these weights those of the full spectrum. Where that would turn a
+    /// sample negative the samples are scaled so that Y alone is exact, and where they cannot carry Y either (a narrow line
     /// that they miss) they are those of an equal-energy light with the same Y: luminance is always kept.
     pub fn sample_emission(&self, spectrum: &Spectrum) -> Vec<f64> {
         emission::sample(self, spectrum)

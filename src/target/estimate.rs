@@ -3,8 +3,8 @@
 use crate::first_pass::FirstPassStats;
 use serde::Serialize;
 
-/// Fewest and most times that the error falls when the distance between points is halved, whatever three levels say: the edge of
-/// a shadow gains √2 at least, what is smooth four at most.
+/// Fewest and most times that the error falls when the distance between points is halved, whatever three levels say:
+/// the edge of a shadow gains √2 at least, what is smooth four at most.
 const FALL: (f64, f64) = (1.6, 4.0);
 
 /// Estimated root mean square errors of luminance, of the mean luminance, over the pixels that show no lamp.

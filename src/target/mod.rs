@@ -1,7 +1,8 @@
-//! A target in place of knobs: an image whose luminance is wrong by no more than asked, or as little wrong as a time allows.
+//! A target in place of knobs: an image whose luminance is wrong by no more than asked, or as little wrong as a time
+//! allows.
 //!
-//! Points are refined level by level, four times as many each time. A small image of the view at every level tells by how much
-//! the last refinement changed it, and so what a further one would; the error that is left is estimated from that
+//! Points are refined level by level, four times as many each time. A small image of the view at every level tells by
+//! how much the last refinement changed it, and so what a further one would; the error that is left is estimated from that
 //! ([`Estimate`]). The image itself is the mean of two of different seeds: what they differ by is its noise.
 
 mod estimate;

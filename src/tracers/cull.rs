@@ -224,13 +224,13 @@ fn larger(a: f32, b: f32) -> f32 {
 
 /// A ray in `f32`: a direction of which the largest component is 1.
 ///
-/// The bound: let R be the largest distance from the local origin of the middle of a [`Stretch`] and of box centres, and u = 2⁻²⁴. The direction
-/// is at most D = √3 long. Rounding the middle, the direction, an axis and a centre and summing costs at most
-/// 16 u R for a coordinate of the middle in a box's frame (at most 2 R), and 8 u D for one of the direction (at most D).
-/// Along n, where the reach, times D, is at most 4 R, that makes 16 u R + 4 R · 8 u, and 16 u R for the reach and the last
-/// sums: 64 u R. Beside, each of two products errs by 2 R · 8 u D + 16 u R D, each of two half edges (at most 2 R) times a
-/// direction by 20 u R D, and the sums by 8 u R D: under 128 u R D in all. Boxes along the axes of space are spared the
-/// turning and err by less. `error` is 512 u R, and what rounding in
+/// The bound: let R be the largest distance from the local origin of the middle of a [`Stretch`] and of box centres,
+/// and u = 2⁻²⁴. The direction is at most D = √3 long. Rounding the middle, the direction, an axis and a centre and
+/// summing costs at most 16 u R for a coordinate of the middle in a box's frame (at most 2 R), and 8 u D for one of
+/// the direction (at most D). Along n, where the reach, times D, is at most 4 R, that makes 16 u R + 4 R · 8 u, and 16
+/// u R for the reach and the last sums: 64 u R. Beside, each of two products errs by 2 R · 8 u D + 16 u R D, each of
+/// two half edges (at most 2 R) times a direction by 20 u R D, and the sums by 8 u R D: under 128 u R D in all. Boxes
+/// along the axes of space are spared the turning and err by less. `error` is 512 u R, and what rounding in
 /// `f64` may add where the ray comes from afar.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {

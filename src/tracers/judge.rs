@@ -11,10 +11,10 @@
 //! **The band.** A tracer that works in `f32` cannot be held to a decision that hangs on a few units in the
 //! last place (`f32`) of the largest coordinate involved: less than [`END_ULPS`] for the distance of either
 //! shortened end from the plane, and less than [`EDGE_ULPS`] for the distance between the line and the line of an
-//! edge times the sine of their angle (which is what an orientation measures). A segment whose verdict depends on a decision inside the band is
-//! [`Verdict::Grazing`]; the inner diagonal of a quad decides nothing and grazes nobody. This is the whole class of
-//! segments on which two tracers may differ: outside it all must say the same, which `luxgraph crosscheck`
-//! counts and the tests of the tracers demand.
+//! edge times the sine of their angle (which is what an orientation measures). A segment whose verdict depends on a
+//! decision inside the band is [`Verdict::Grazing`]; the inner diagonal of a quad decides nothing and grazes nobody.
+//! This is the whole class of segments on which two tracers may differ: outside it all must say the same, which
+//! `luxgraph crosscheck` counts and the tests of the tracers demand.
 //!
 //! Along a ray that goes on, the first surface met may differ where it grazes one, and where two surfaces are met at
 //! places that differ by less than the band across either plane: see [`judge_closest`].

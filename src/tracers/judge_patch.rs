@@ -5,8 +5,8 @@
 //!
 //! * A piece whose control points all lie beside the disc is met by none of them.
 //! * If the edge of a rectangle of (u, v) stays out of the disc and goes round it, the rectangle's image covers all of it:
-//!   every one of the lines crosses there. Where all derivatives along u turn one way against all along v, too, each does so once, and
-//!   how far along is found by halving.
+//!   every one of the lines crosses there. Where all derivatives along u turn one way against all along v, too, each
+//!   does so once, and how far along is found by halving.
 //! * What is so small that neither holds, because the line touches the patch there or passes its border, is in doubt.
 //!
 //! No step of it is one of the intersector's, which is Newton's method and its conditions.
@@ -131,8 +131,8 @@ fn turns(net: &Net, band: f64) -> Option<i32> {
     Some((angle / std::f64::consts::TAU).round() as i32)
 }
 
-/// The angle that a cubic curve sweeps as seen from zero, if it stays further away than `band`: that between its ends where a
-/// half-plane holds it.
+/// The angle that a cubic curve sweeps as seen from zero, if it stays further away than `band`: that between its ends
+/// where a half-plane holds it.
 fn swept(curve: [DVec2; 4], band: f64, left: u32) -> Option<f64> {
     let [p, q, r, s] = curve;
     let axis = (p + q + r + s).normalize_or_zero();

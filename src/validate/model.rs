@@ -100,7 +100,8 @@ impl Model {
         self.lights.push((kind, LightSource { spectrum, level: LightLevel::Illuminance(illuminance) }));
     }
 
-    /// Puts the scene under a white sky of a type, with the zenith along z, the sun at an elevation over x, and black ground.
+    /// Puts the scene under a white sky of a type, with the zenith along z, the sun at an elevation over x, and black
+    /// ground.
     pub fn sky(&mut self, kind: u8, elevation_deg: f64, level: SkyLevel) {
         let (sin, cos) = elevation_deg.to_radians().sin_cos();
         let shape = SkyShape { up: DVec3::Z, sun: DVec3::new(cos, 0.0, sin), kind };

@@ -4,8 +4,8 @@
 //! and that of the sample points (32 bytes each); the numbers of voxels, of elements, of words and
 //! of bytes of the statistics (`u64` each); the elements, each as surface (`u32`), path (`u32`) and
 //! level (`u8`) of its cell; the first point of each voxel and their number (`u32`); one byte for
-//! each edge (0 visible, 1 hidden, 2 partial, and 4 more if rays were cast for it); the words of the partial edges in the order of the
-//! edges (`u32`); the statistics (JSON); and the BLAKE3 hash of all that (32 bytes). Where a partial
+//! each edge (0 visible, 1 hidden, 2 partial, and 4 more if rays were cast for it); the words of the partial edges in
+//! the order of the edges (`u32`); the statistics (JSON); and the BLAKE3 hash of all that (32 bytes). Where a partial
 //! edge's words begin follows from the sizes of the voxels, so no offset can be wrong.
 //!
 //! Refinement (4.2.2) makes points that only the graph itself can tell. So a file answers to the

@@ -1,5 +1,5 @@
-//! How the sides of blocks lie against surfaces, kept from block to block: blocks that come one after the other have sides in
-//! common.
+//! How the sides of blocks lie against surfaces, kept from block to block: blocks that come one after the other have
+//! sides in common.
 
 use super::against::Against;
 use std::ops::Range;

@@ -94,8 +94,8 @@ impl LightSight {
     }
 }
 
-/// Sets a bit in `words` for every point from `first` on that `light` reaches. Where that is asked for it returns those that
-/// it reaches through surfaces, and these.
+/// Sets a bit in `words` for every point from `first` on that `light` reaches. Where that is asked for it returns
+/// those that it reaches through surfaces, and these.
 fn look_at(
     geometry: &Geometry,
     light: &Light,

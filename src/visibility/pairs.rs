@@ -35,7 +35,8 @@ impl Build<'_> {
         self.patches_between(side).iter().map(|patch| (within(patch), patch)).collect()
     }
 
-    /// The points of a side that surface number `c` may hide anything from: it hides nothing from what it is not in front of.
+    /// The points of a side that surface number `c` may hide anything from: it hides nothing from what it is not in
+    /// front of.
     pub fn reach(&self, blocker: &Blocker, c: u32, side: &[(Bits, &Patch)]) -> Bits {
         let before = |patch: &Patch| c != patch.surface.0 && self.has_before(blocker, patch);
         side.iter()
@@ -203,8 +204,8 @@ impl PairWork<'_> {
         }
     }
 
-    /// Tests the `candidates` on the open pairs of the block, the last blocker first, given the patches on either side and their
-    /// points.
+    /// Tests the `candidates` on the open pairs of the block, the last blocker first, given the patches on either side
+    /// and their points.
     pub fn test_open(
         &mut self,
         candidates: Range<usize>,

@@ -17,8 +17,8 @@ pub(super) struct Passing {
     centre: DVec3,
     /// One over its half sizes, 1/m.
     scale: DVec3,
-    /// What rounding may do. Scaled, no number is larger than S = 2 R over half the least size, and what is compared is off by less than 12
-    /// times 6e-8 S².
+    /// What rounding may do. Scaled, no number is larger than S = 2 R over half the least size, and what is compared
+    /// is off by less than 12 times 6e-8 S².
     margin: f32,
 }
 

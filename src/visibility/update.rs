@@ -291,13 +291,13 @@ impl<'a> Update<'a> {
         }
     }
 
-    /// Closes the open pairs of a block that see of each other what they saw: those that did where nothing came between, those that
-    /// did not where nothing went. `clear` says so of columns, for each group of rows. Returns whether those that are left all
-    /// saw each other.
+    /// Closes the open pairs of a block that see of each other what they saw: those that did where nothing came
+    /// between, those that did not where nothing went. `clear` says so of columns, for each group of rows. Returns
+    /// whether those that are left all saw each other.
     fn recall(&self, work: &mut PairWork, [a, b]: [&Side; 2], clear: [[Bits; SIDE / GROUP]; 2]) -> bool {
         let rows = a.points.len();
-        // First those that saw each other, then those that did not; the first may still turn out to be clear of what came, the
-        // second of what went.
+        // First those that saw each other, then those that did not; the first may still turn out to be clear of what
+        // came, the second of what went.
         let mut asked = [[[0; WORDS]; SIDE]; 2];
         let close = |work: &mut PairWork, r: usize, settled: [Bits; 2]| {
             let open = &mut work.block.open[r];
@@ -331,8 +331,8 @@ impl<'a> Update<'a> {
         Aabb::around(set(of).map(place))
     }
 
-    /// Decides the open pairs of a block by what can block between the points that they join: if they `saw` each other, only
-    /// what came.
+    /// Decides the open pairs of a block by what can block between the points that they join: if they `saw` each
+    /// other, only what came.
     fn decide(&self, work: &mut PairWork, sides: [&Side; 2], on: (Members, Members), saw: bool) {
         let (rows, columns) = work.block.open_sides();
         let bounds = [self.around(sides[0], &rows), self.around(sides[1], &columns)];

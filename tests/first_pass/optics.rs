@@ -194,8 +194,8 @@ fn lamp_in_glass(glass: SampledMaterial, most_specular: usize, solver: Solver) -
     (walls, solution.stats.flux.error.iter().fold(0.0, |most: f64, e| most.max(e.abs())))
 }
 
-/// A clear pane takes no light away, whether that keeps its way or is spread: walls receive the same but for what falls back
-/// on the lamp.
+/// A clear pane takes no light away, whether that keeps its way or is spread: walls receive the same but for what
+/// falls back on the lamp.
 #[test]
 fn light_that_is_spread_gets_through_glass() {
     let clear = || pane(0.1, 0.9);

@@ -140,6 +140,19 @@ fn a_scene_file_goes_over_a_model() {
 }
 
 #[test]
+fn polygons_that_enclose_nothing_are_left_out_and_counted() {
+    let folder = Folder::new();
+    // Six corners on one line, and five in one place; beside them a pentagon.
+    let obj = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 4 0 0\nv 5 0 0\nv 0 1 0\nv 1 1 0\nv 0.5 1.5 0\n\
+               f 1 2 3 4 5 6\nf 1 1 1 1 1\nf 1 2 8 9 7\n";
+    let scene = load(&folder.write("lines.obj", obj)).expect("loads");
+    let area: f64 = scene.geometry.surfaces.iter().map(|s| s.area).sum();
+    assert!((area - 1.25).abs() < 1e-6, "{area}");
+    let told = "7 faces without area left out";
+    assert!(scene.notes.iter().any(|n| n.contains(told)), "{:?}", scene.notes);
+}
+
+#[test]
 fn a_model_without_its_materials_is_grey() {
     let folder = Folder::new();
     let scene = load(&folder.write("box.obj", BOX_OBJ)).expect("loads");

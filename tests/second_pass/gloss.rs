@@ -84,8 +84,8 @@ fn off(image: &SpectralImage, expected: &[f64]) -> f64 {
     (sum / expected.iter().map(|e| e * e).sum::<f64>()).sqrt()
 }
 
-/// A lamp of 20 x 20 cm, 1 m above the floor, and the truth by a dense sum over it: on every rung, for lobes that show it small and
-/// large, 16 samples a pixel come near, and what is left is noise.
+/// A lamp of 20 x 20 cm, 1 m above the floor, and the truth by a dense sum over it: on every rung, for lobes that show
+/// it small and large, 16 samples a pixel come near, and what is left is noise.
 #[test]
 fn a_lamp_in_a_rough_lobe_is_neither_noisy_nor_counted_twice() {
     let lamp = r#"[[objects]]
@@ -144,8 +144,8 @@ fn a_light_without_a_body_has_its_highlight() {
     assert!(found < 0.02, "{found}");
 }
 
-/// A small lamp that shines up at a mirror, so that the floor's lobes meet it by chance alone: what the clamp takes is what it says,
-/// the specks are gone, and in many samples it takes little.
+/// A small lamp that shines up at a mirror, so that the floor's lobes meet it by chance alone: what the clamp takes is
+/// what it says, the specks are gone, and in many samples it takes little.
 #[test]
 fn what_only_chance_finds_is_limited_and_what_that_leaves_out_is_told() {
     let lit = room(

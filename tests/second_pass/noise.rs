@@ -104,8 +104,8 @@ fn noise_of(images: &[Vec<f64>], against: &[f64]) -> f64 {
     ((0..against.len()).map(square).sum::<f64>() / against.len() as f64).sqrt()
 }
 
-/// Images that were asked for `target`: is the noise as low, is it what they say, and is the mean right? How many times as noisy
-/// as many samples are that are spread evenly.
+/// Images that were asked for `target`: is the noise as low, is it what they say, and is the mean right? How many
+/// times as noisy as many samples are that are spread evenly.
 fn is_as_asked(lit: &LitRoom, target: f64) -> f64 {
     const IMAGES: u32 = 8;
     let truth = lit.luminance(4096, None, 1000).0;

@@ -1,4 +1,5 @@
-//! Are discs, spheres, cylinders, cones and patches the true surfaces in every stage: points, graph, interpolation and view?
+//! Are discs, spheres, cylinders, cones and patches the true surfaces in every stage: points, graph, interpolation and
+//! view?
 
 use crate::furnace;
 use glam::DVec3;

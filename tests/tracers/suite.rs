@@ -263,7 +263,8 @@ fn patch(centre: DVec3, size: f64, bend: DVec3) -> Shape {
     Patch::new(std::array::from_fn(|j| std::array::from_fn(|i| at(i, j)))).into()
 }
 
-/// A room with balls, discs, cylinders, cones and patches in it, one around it all and one around one of them; turned, of any size, anywhere.
+/// A room with balls, discs, cylinders, cones and patches in it, one around it all and one around one of them; turned,
+/// of any size, anywhere.
 fn round(make: Make, agreement: Agreement) {
     for (size, place) in
         [(1.0, DVec3::ZERO), (1e-3, DVec3::splat(2.0)), (1e6, DVec3::ZERO), (1.0, DVec3::X * 1e4)]

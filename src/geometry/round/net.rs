@@ -121,8 +121,8 @@ const NOTHING: f64 = 1e-12;
 /// A cone that holds a × b for all derivatives a along u and b along v, at one place of the net or at two; none where no
 /// half-space does.
 ///
-/// All derivatives are sums, with weights that are not negative, of their control vectors, and so are the products of those.
-/// Those that are nothing, as along an edge that is one point, add nothing to such a sum.
+/// All derivatives are sums, with weights that are not negative, of their control vectors, and so are the products of
+/// those. Those that are nothing, as along an edge that is one point, add nothing to such a sum.
 pub(crate) fn spread(net: &Net) -> Option<Spread> {
     let [along_u, along_v] = differences(net).map(|of| {
         let largest = of.iter().fold(0.0f64, |most, d| most.max(d.length_squared()));

@@ -5,7 +5,8 @@
 //! crossing is lost. A piece is done when all derivatives along u turn the same way against all those along v: then it
 //! meets zero once at most, and Newton's method finds where. What is nowhere so is a fold, where the line touches the
 //! patch; such pieces are halved until nothing is left of them but rounding. Patches that share the control points of an
-//! edge see the same edge, to the last digits, and a crossing counts a hair beyond it on either side: no line slips between.
+//! edge see the same edge, to the last digits, and a crossing counts a hair beyond it on either side: no line slips
+//! between.
 
 use super::net::{Net, differences, evaluate, extent, halves_in_u, halves_in_v, is_beside, steps};
 use super::patch_part::{BEYOND, ROUNDING};

@@ -32,8 +32,8 @@ pub struct MovedBench {
     pub different_pairs: u64,
 }
 
-/// Updates the graph of `before`, which was prepared without refinement, to the scene `changed`, and builds it anew, in turn
-/// on all threads.
+/// Updates the graph of `before`, which was prepared without refinement, to the scene `changed`, and builds it anew,
+/// in turn on all threads.
 ///
 /// # Errors
 /// Those of [`sample`] and of [`VisibilityGraph::build`].

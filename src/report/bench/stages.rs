@@ -32,7 +32,8 @@ const REPEATS: usize = 7;
 pub struct AtPoints {
     /// The graph.
     pub graph: GraphBench,
-    /// The first pass, and new appearances over the same graph, unless its specular points see so much that it would take minutes.
+    /// The first pass, and new appearances over the same graph, unless its specular points see so much that it would
+    /// take minutes.
     pub first_pass: Option<FirstPassBench>,
     /// The graph after the changes that were asked for.
     pub moved: Option<MovedBench>,

@@ -1,7 +1,7 @@
 //! The Pareto front: what nothing else beats in both time and error.
 
-/// Whether each of the points (time, error) lies on the front: no other is as fast and more accurate, or as accurate and faster.
-/// What is not a finite number never does.
+/// Whether each of the points (time, error) lies on the front: no other is as fast and more accurate, or as accurate
+/// and faster. What is not a finite number never does.
 pub fn pareto(points: &[[f64; 2]]) -> Vec<bool> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|&k| points[k].iter().all(|x| x.is_finite())).collect();

@@ -30,7 +30,8 @@ pub enum Extent {
     Full,
 }
 
-/// The trials of a scene from `base` on, those with few points first; what has points and solution in common stands together.
+/// The trials of a scene from `base` on, those with few points first; what has points and solution in common stands
+/// together.
 pub fn trials(scene: &Scene, base: &Settings, extent: Extent) -> Vec<Trial> {
     let mut list = List { base, sampling: scene.sampling, trials: Vec::new() };
     list.add("base", "all knobs as they are", |_, _| ());

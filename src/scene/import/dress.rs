@@ -1,5 +1,5 @@
-//! Gives a model its materials. What glass is, a body or a sheet, and whether a back can be lit, is decided by what the faces
-//! enclose.
+//! Gives a model its materials. What glass is, a body or a sheet, and whether a back can be lit, is decided by what
+//! the faces enclose.
 
 use super::look::{Look, Rgb};
 use super::mesh::{Face, Material, Model};

@@ -1,5 +1,5 @@
-//! glTF 2.0, as JSON with buffers beside it or as one binary file: meshes with the places that the nodes give them, materials,
-//! lights and cameras.
+//! glTF 2.0, as JSON with buffers beside it or as one binary file: meshes with the places that the nodes give them,
+//! materials, lights and cameras.
 
 use super::super::description::{CameraTable, LightTable, SpectrumRef};
 use super::super::source::{MAX_OBJ_BYTES, Source, Sources};

@@ -149,8 +149,8 @@ fn excess(diffuse: Rgb, specular: Rgb) -> f64 {
 
 /// A diffuse body under a specular surface. Our model is s F R^s + (1 - s) R^d: the specular share s is as large as the
 /// diffuse albedo leaves room for, and F at normal incidence as much larger than `specular`. So what
-/// the surface reflects at normal incidence and what the body scatters are both what the file says, no more than [`LIGHTEST`]
-/// comes back, and only the rise towards grazing incidence ends at s instead of 1.
+/// the surface reflects at normal incidence and what the body scatters are both what the file says, no more than
+/// [`LIGHTEST`] comes back, and only the rise towards grazing incidence ends at s instead of 1.
 fn opaque(table: &mut MaterialTable, diffuse: Rgb, specular: Rgb, index: Option<f64>, m: f64, at: Place) {
     let excess = excess(diffuse, specular);
     let (diffuse, specular) = (diffuse.map(|x| x / excess), specular.map(|x| x / excess));

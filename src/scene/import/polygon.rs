@@ -5,8 +5,8 @@ use crate::geometry::{QuadKind, classify_quad};
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// The triangles of a polygon with more than three corners, convex or not: indices of its corners. A polygon out of plane is
-/// divided as its shadow on its mean plane is.
+/// The triangles of a polygon with more than three corners, convex or not: indices of its corners. A polygon out of
+/// plane is divided as its shadow on its mean plane is.
 pub fn triangles(points: &[DVec3]) -> Vec<[usize; 3]> {
     let flat: Vec<[f64; 3]> = points.iter().map(|p| (*p - points[0]).to_array()).collect();
     let mut plane = Vec::new();
@@ -26,7 +26,8 @@ pub fn triangles(points: &[DVec3]) -> Vec<[usize; 3]> {
 const LEAST_SINE: f64 = 0.1;
 
 /// Merges triangles of one part that share an edge, lie in one plane and make a convex quadrilateral. Of several
-/// choices the one with the longest edge between them is taken: the diagonal of what once was a quadrilateral. Returns how many pairs.
+/// choices the one with the longest edge between them is taken: the diagonal of what once was a quadrilateral. Returns
+/// how many pairs.
 pub fn merge_pairs(faces: &mut Vec<Face>, vertices: &[DVec3], welded: &[u32]) -> usize {
     let number = |v: u32| welded[v as usize];
     // By directed edge: the triangle, and which of its corners the edge starts from.

@@ -38,7 +38,8 @@ pub fn meets_front(normal: [f64; 3], direction: [f64; 3]) -> bool {
     dot(normal, direction) <= 0.0
 }
 
-/// The parameter of what a ray (origin, direction) meets, and whether it counts: beyond `t_min`, and in the box of which `low` and
+/// The parameter of what a ray (origin, direction) meets, and whether it counts: beyond `t_min`, and in the box of
+/// which `low` and
 /// `high` are corners. It is `exact` unless that is further from `rough`, Embree's, than `reach`.
 #[inline(always)]
 pub fn confirmed(

@@ -115,8 +115,8 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Scene {
-    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`, boxes and shapes; with `confirm` one
-    /// that confirms in `f64` that a quad blocks a ray. The error is Embree's message.
+    /// Builds a scene of `quads` (indices into `vertices`), whose surfaces are `ids`, and of `rounds`, boxes and
+    /// shapes; with `confirm` one that confirms in `f64` that a quad blocks a ray. The error is Embree's message.
     pub fn new(
         vertices: &[[f32; 3]],
         quads: &[[u32; 4]],
@@ -152,7 +152,8 @@ impl Scene {
         })
     }
 
-    /// The closest hit of each ray, in packets of 16 as far as there are so many. Rays that Embree must not see become empty.
+    /// The closest hit of each ray, in packets of 16 as far as there are so many. Rays that Embree must not see become
+    /// empty.
     pub fn closest(&self, rays: &mut [lux_ray], hits: &mut [lux_hit]) {
         let count = rays.len().min(hits.len());
         empty_unsafe(rays);
@@ -163,7 +164,8 @@ impl Scene {
         }
     }
 
-    /// The closest hit of each ray of `packets`, whose rays are then spent, and which must be safe to hand over: every float within the header's limits.
+    /// The closest hit of each ray of `packets`, whose rays are then spent, and which must be safe to hand over: every
+    /// float within the header's limits.
     pub fn closest_packets(&self, packets: &mut [Query], hits: &mut [lux_hits]) {
         let count = packets.len().min(hits.len());
         debug_assert!(packets.iter().all(|packet| is_safe(&packet.0.rays)));
