@@ -145,13 +145,8 @@ impl<'a> DiffuseOperator<'a> {
     pub fn irradiance(&self, radiance: &[f32], wanted: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
         sweep(radiance, self.points.len(), &wanted, |by_point, bands| {
             let mut sums = self.exchange(&self.power(by_point, bands, &wanted));
-            (sums.par_chunks_mut(bands).enumerate()).filter(|&(i, _)| wanted(i)).for_each(|(i, sums)| {
-                for (j, difference) in self.corrections.row(i) {
-                    for (sum, light) in sums.iter_mut().zip(&by_point[j * bands..]) {
-                        (0..BAND).for_each(|k| sum[k] += f64::from(difference * light[k]));
-                    }
-                }
-            });
+            (sums.par_chunks_mut(ROWS * bands).enumerate())
+                .for_each(|(part, sums)| self.corrections.add(part * ROWS, &wanted, by_point, bands, sums));
             sums
         })
     }

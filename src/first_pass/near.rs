@@ -4,6 +4,7 @@
 use super::diffuse::{DiffuseOperator, LANES, Lanes};
 use super::form_factor::{NEAR, exact, extent2, near};
 use super::layout::Layout;
+use super::lobe_table::{BAND, Band};
 use super::round::{of_own, of_whole};
 use super::schedule::row_bits;
 use crate::geometry::{Round, Shape, Side, SurfaceId};
@@ -105,11 +106,64 @@ impl Corrections {
         self.column[range.clone()].iter().map(|&c| c as usize).zip(self.difference[range].iter().copied())
     }
 
+    /// Adds the sums over the row of each of the points from `first` on that is `wanted`, of `light`, `[N][bands]`, to
+    /// `sums`, `[points][bands]`.
+    pub fn add(
+        &self,
+        first: usize,
+        wanted: impl Fn(usize) -> bool,
+        light: &[Band],
+        bands: usize,
+        sums: &mut [[f64; BAND]],
+    ) {
+        for (i, sums) in (first..).zip(sums.chunks_mut(bands)).filter(|(i, _)| wanted(*i)) {
+            let Some(&[start, end]) = self.starts.get(i..i + 2).and_then(|s| s.first_chunk()) else {
+                continue;
+            };
+            for (band, sum) in sums.iter_mut().enumerate() {
+                let (column, difference) = (&self.column[start..end], &self.difference[start..end]);
+                let more = wide(RowSum { column, difference, light, bands, band });
+                (0..BAND).for_each(|k| sum[k] += more[k]);
+            }
+        }
+    }
+
     /// The entry of row `i` and column `j`, 0 where there is none.
     pub fn get(&self, i: usize, j: usize) -> f32 {
         let Some(&[start, end]) = self.starts.get(i..i + 2).and_then(|s| s.first_chunk()) else { return 0.0 };
         let found = self.column[start..end].binary_search(&(j as u32));
         found.map_or(0.0, |at| self.difference[start + at])
+    }
+}
+
+/// Sums that do not wait for each other.
+const APART: usize = 4;
+
+/// Σ difference light over a row, for one band.
+struct RowSum<'a> {
+    column: &'a [u32],
+    difference: &'a [f32],
+    light: &'a [Band],
+    bands: usize,
+    band: usize,
+}
+
+impl HotLoop for RowSum<'_> {
+    type Output = [f64; BAND];
+
+    #[inline(always)]
+    fn run(self) -> [f64; BAND] {
+        let RowSum { column, difference, light, bands, band } = self;
+        let mut sums = [[0.0; BAND]; APART];
+        for (columns, differences) in column.chunks(APART).zip(difference.chunks(APART)) {
+            for ((sum, &j), &difference) in sums.iter_mut().zip(columns).zip(differences) {
+                let light = &light[j as usize * bands + band];
+                for k in 0..BAND {
+                    sum[k] += f64::from(difference * light[k]);
+                }
+            }
+        }
+        std::array::from_fn(|k| (sums[0][k] + sums[1][k]) + (sums[2][k] + sums[3][k]))
     }
 }
 

@@ -106,7 +106,8 @@ impl SpecularSet {
         earlier: Option<SpecularSet>,
         observer: &dyn Observer,
     ) -> Self {
-        let materials: Vec<_> = appearance.materials.iter().map(SpecularMaterial::new).collect();
+        let known = earlier.as_ref().map_or(&[][..], |set| &set.materials);
+        let materials = SpecularMaterial::all(&appearance.materials, known);
         let material_of = |i: usize| appearance.surface_material[points.surface[i].index()].0 as usize;
         let is_specular = |i: usize| materials[material_of(i)].is_some();
         let chosen: Vec<u32> = (0..points.len()).filter(|&i| is_specular(i)).map(|i| i as u32).collect();

@@ -2,6 +2,8 @@
 
 use super::lobe_table::LobeTable;
 use crate::material::{AlbedoTable, SampledMaterial, Transmission};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// What a material does with specular light.
 #[derive(Clone, Debug)]
@@ -21,7 +23,7 @@ pub struct SpecularMaterial {
     /// Absorption coefficient inside a solid, 1/m, `[W]`.
     pub absorption: Vec<f32>,
     /// Directional albedo with F = 1.
-    pub albedo: AlbedoTable,
+    pub albedo: Arc<AlbedoTable>,
 }
 
 /// What the lobes of a material depend on: the bits of m and of n², whether there is transmission, and the tables of
@@ -43,11 +45,21 @@ impl SpecularMaterial {
         (self.m.to_bits(), self.n2.to_bits(), self.transmit.is_some(), tables)
     }
 
-    /// `None` when there is nothing specular about the material.
-    pub fn new(material: &SampledMaterial) -> Option<Self> {
-        if !material.is_specular() {
-            return None;
-        }
+    /// Of each of some materials, `None` where there is nothing specular about it. Albedos, which depend on m alone, are
+    /// used again where one `before` has them.
+    pub fn all(materials: &[SampledMaterial], before: &[Option<Self>]) -> Vec<Option<Self>> {
+        let mut albedos: HashMap<u64, Arc<AlbedoTable>> =
+            before.iter().flatten().map(|of| (of.m.to_bits(), of.albedo.clone())).collect();
+        let of = |material: &SampledMaterial| {
+            let m = material.m;
+            let mut albedo =
+                || albedos.entry(m.to_bits()).or_insert_with(|| Arc::new(AlbedoTable::new(m))).clone();
+            material.is_specular().then(|| Self::new(material, albedo()))
+        };
+        materials.iter().map(of).collect()
+    }
+
+    fn new(material: &SampledMaterial, albedo: Arc<AlbedoTable>) -> Self {
         let share = material.s as f32;
         let mut specular = SpecularMaterial {
             m: material.m,
@@ -57,7 +69,7 @@ impl SpecularMaterial {
             transmit: None,
             n2: 1.0,
             absorption: Vec::new(),
-            albedo: AlbedoTable::new(material.m),
+            albedo,
         };
         match &material.transmission {
             None => {}
@@ -71,6 +83,6 @@ impl SpecularMaterial {
                 specular.absorption = absorption.clone();
             }
         }
-        Some(specular)
+        specular
     }
 }

@@ -2,6 +2,7 @@
 
 use super::bounded;
 use super::microfacet::MIN_ROUGHNESS;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Gauss-Legendre points and weights of order 5 on -1..1 (Abramowitz and Stegun, table 25.4).
@@ -22,8 +23,7 @@ const PANELS: usize = 12;
 ///
 /// Over half vectors, with density D cos α/π, the integrand is G ih/(ni nh), piecewise linear in ih = cos α ni +
 /// sin α sin θ cos φ: the mean over φ is a closed form. What remains is ∫ exp(-x²) 2x dx over the slope x = tan α/m.
-/// Within 1e-8 of adaptive
-/// integration.
+/// Within 1e-8 of adaptive integration.
 pub fn directional_albedo(m: f64, cos_theta: f64) -> f64 {
     if m.is_nan() || m <= 0.0 {
         return 1.0;
@@ -110,6 +110,7 @@ impl AlbedoTable {
     pub fn new(m: f64) -> Self {
         let knee = bounded(m, MIN_ROUGHNESS, 1e3) as f32;
         let values = (0..Self::ENTRIES)
+            .into_par_iter()
             .map(|i| {
                 let x = i as f64 / (Self::ENTRIES - 1) as f64;
                 let knee = f64::from(knee);
