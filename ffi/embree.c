@@ -1,6 +1,7 @@
 /* Embree 3.13 and 4.x behind embree.h. What differs between them is in the block marked "version". */
 #include "embree.h"
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -126,7 +127,9 @@ uint32_t lux_version(void) {
 
 /* Whether a ray that Embree says meets a triangle of a quad can do so. For a triangle in whose plane the ray runs all
  * of Embree's tests are noise, and it reports hits on quads far beside the ray (28 of 2e8 rays, half of them made to
- * graze): in double precision the ray must cross the plane within its limits, and do so in the quad's box. */
+ * graze): in double precision the ray must cross the plane within its limits, and do so in the quad's box; where it runs
+ * flat, also no further beside the quad than Embree may shift its edges (16 units in the last place of the largest
+ * coordinate, to first order). */
 static int can_meet(const float *quad, int second, const float *origin, const float *direction, const float *limits) {
     const float *a = quad + (second ? 6 : 0), *b = quad + (second ? 9 : 3), *c = quad + (second ? 3 : 9);
     double u[3], v[3], w[3];
@@ -149,6 +152,24 @@ static int can_meet(const float *quad, int second, const float *origin, const fl
             if (x > high) high = x;
         }
         if (!(place >= low - LUX_ROUNDING && place <= high + LUX_ROUNDING)) return 0;
+    }
+    double n2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2], d2 = 0.0;
+    for (int k = 0; k < 3; k++) d2 += (double)direction[k] * direction[k];
+    if (speed * speed > 1e-6 * n2 * d2) return 1;
+    double largest = 0.0;
+    for (int k = 0; k < 3; k++) largest = fmax(largest, fmax(fabs(origin[k]), fabs(origin[k] + (double)direction[k])));
+    for (int i = 0; i < 12; i++) largest = fmax(largest, fabs(quad[i]));
+    for (int corner = 0; corner < 4; corner++) {
+        const float *from = quad + 3 * corner, *to = quad + 3 * ((corner + 1) % 4);
+        double e[3], p[3];
+        for (int k = 0; k < 3; k++) {
+            e[k] = (double)to[k] - from[k];
+            p[k] = origin[k] + t * direction[k] - from[k];
+        }
+        double side = n[0] * (e[1] * p[2] - e[2] * p[1]) + n[1] * (e[2] * p[0] - e[0] * p[2]) +
+                      n[2] * (e[0] * p[1] - e[1] * p[0]);
+        double size = sqrt(n2 * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]));
+        if (side < -16.0 * FLT_EPSILON * largest * size) return 0;
     }
     return 1;
 }

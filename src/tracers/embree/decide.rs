@@ -1,6 +1,6 @@
 //! Deciding in `f64` on what Embree found, a packet at a time.
 
-use super::face::{Face, REACH, confirmed, crossing, meets_front};
+use super::face::{Face, REACH, confirmed, crossing, grazes, meets_front};
 use super::query::{Columns, Frame};
 use super::raw::{LANES, LUX_MISS, lux_hits};
 use crate::geometry::{Hit, Side, SurfaceId};
@@ -96,11 +96,12 @@ impl Planes {
         true
     }
 
-    /// Writes down what counts; the lanes that met something which does not.
+    /// Writes down what counts; the lanes that met something which does not, or that run flat along what they met.
     #[inline(always)]
     fn decide(&self, frame: &Frame, rays: &Columns, found: &lux_hits, hits: &mut [Option<Hit>]) -> u16 {
         let (mut t, mut counts) = ([0.0; LANES], [false; LANES]);
         let (mut within, mut front) = ([false; LANES], [false; LANES]);
+        let mut flat = [false; LANES];
         for i in 0..LANES {
             let ray = [row(&rays.origin, i), row(&rays.direction, i)];
             let span = rays.span(i);
@@ -110,6 +111,7 @@ impl Planes {
             let bounds = [row(&self.low, i), row(&self.high, i)];
             (t[i], counts[i]) = confirmed(ray, rays.t_min[i], [rough, exact, reach], bounds);
             within[i] = t[i] < rays.t_max[i];
+            flat[i] = grazes(row(&self.across, i), ray[1], 1.0 / (span.shrink * span.shrink));
             front[i] = meets_front(row(&self.normal, i), ray[1]);
         }
         let mut left = 0;
@@ -118,7 +120,7 @@ impl Planes {
             let side = if front[i] { Side::Front } else { Side::Back };
             let at = Hit { surface: SurfaceId(found.surface[i]), t: t[i], side };
             *hit = (met & counts[i] & within[i]).then_some(at);
-            left |= u16::from(met & !counts[i]) << i;
+            left |= u16::from(met & (!counts[i] | flat[i])) << i;
         }
         left
     }

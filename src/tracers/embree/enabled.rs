@@ -136,6 +136,9 @@ impl EmbreeTracer {
     #[inline(always)]
     fn decide(&self, ray: &Ray, span: &Span, found: lux_hit) -> Option<Hit> {
         let face = self.faces.get(found.surface as usize)?;
+        if face.is_beside(ray, found.part) {
+            return BruteForce::over(&self.surfaces).closest(ray);
+        }
         match face.confirm(ray, span, found, &self.frame) {
             Some(t) => face.hit(ray, t, found.surface),
             None => self.look_beyond(ray, found),
@@ -157,6 +160,9 @@ impl EmbreeTracer {
             }
             found = next[0];
             let face = self.faces.get(found.surface as usize)?;
+            if face.is_beside(ray, found.part) {
+                break;
+            }
             if let Some(t) = face.confirm(ray, &span, found, &self.frame) {
                 return face.hit(ray, t, found.surface);
             }

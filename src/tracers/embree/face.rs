@@ -10,6 +10,8 @@ use glam::DVec3;
 pub struct Face {
     /// A corner and the normal, of any length, of the triangles v0 v1 v3 and v2 v3 v1.
     planes: [[DVec3; 2]; 2],
+    /// Corners, the last one twice for a triangle.
+    outline: [DVec3; 4],
     /// Of the surface's (mean) plane, if it has one.
     normal: DVec3,
     /// The box around it, and a little more, m.
@@ -21,6 +23,13 @@ pub struct Face {
 /// How far what Embree says may lie from the truth, as a share of the scene's radius, for the truth to be taken instead.
 pub const REACH: f64 = 1e-3;
 
+/// Square of the sine of the angle with a plane under which all that Embree says of a ray may be noise.
+const GRAZING2: f64 = 1e-6;
+
+/// Units in the last place (`f32`) of the largest coordinate by which Embree may shift an edge:
+/// [`EDGE_ULPS`](crate::tracers::judge::EDGE_ULPS).
+const EDGE_ULPS: f64 = 16.0;
+
 #[inline(always)]
 fn dot([a, b, c]: [f64; 3], [x, y, z]: [f64; 3]) -> f64 {
     a * x + b * y + c * z
@@ -30,6 +39,15 @@ fn dot([a, b, c]: [f64; 3], [x, y, z]: [f64; 3]) -> f64 {
 #[inline(always)]
 pub fn crossing([o, d]: [[f64; 3]; 2], [a, normal]: [[f64; 3]; 2]) -> f64 {
     dot(normal, [a[0] - o[0], a[1] - o[1], a[2] - o[2]]) / dot(normal, d)
+}
+
+/// Whether a ray of a direction of this length runs so flat along a plane (its normal of any length) that Embree may meet what
+/// lies beside the ray.
+#[inline(always)]
+pub fn grazes(normal: [f64; 3], direction: [f64; 3], length2: f64) -> bool {
+    let speed = dot(normal, direction);
+    // A speed of nothing grazes too.
+    speed * speed <= GRAZING2 * dot(normal, normal) * length2
 }
 
 /// Whether a ray faces the side that a normal points to.
@@ -63,10 +81,16 @@ impl Face {
     pub fn new(surface: &Surface, radius: f64) -> Self {
         let plane = |[a, b, c]: [DVec3; 3]| [a, (b - a).cross(c - a)];
         let (triangles, _) = surface.triangles();
+        let outline = match surface.vertices() {
+            [a, b, c, d] => [*a, *b, *c, *d],
+            [a, b, c] => [*a, *b, *c, *c],
+            _ => [DVec3::ZERO; 4],
+        };
         let slack = 2.0 * LIMIT_ULPS * f64::from(f32::EPSILON) * radius;
         let Aabb { min, max } = surface.bounds();
         Face {
             planes: triangles.map(plane),
+            outline,
             normal: surface.plane().map_or(DVec3::ZERO, |plane| plane.normal),
             bounds: Aabb { min: min - slack, max: max + slack },
             round: surface.round().map(|_| Box::new(surface.clone())),
@@ -82,6 +106,25 @@ impl Face {
         let (from, along) = (ray.origin.to_array(), ray.direction.to_array());
         let (t, counts) = confirmed([from, along], ray.t_min, [rough, exact, reach], self.corners());
         counts.then_some(t)
+    }
+
+    /// Whether `ray`, which runs flat along the triangle `part`, crosses its plane beside the surface by more than Embree can
+    /// tell, or nowhere.
+    pub fn is_beside(&self, ray: &Ray, part: u32) -> bool {
+        let [corner, normal] = self.planes[usize::from(part == 1)];
+        let (across, along) = (normal.to_array(), ray.direction.to_array());
+        if self.round.is_some() || !grazes(across, along, ray.direction.length_squared()) {
+            return false;
+        }
+        let met = ray.at(crossing([ray.origin.to_array(), along], [corner.to_array(), across]));
+        let furthest = |p: DVec3| p.abs().max_element();
+        let largest = self.outline.iter().fold(furthest(ray.origin), |most, p| most.max(furthest(*p)));
+        let band = EDGE_ULPS * f64::from(f32::EPSILON) * largest * normal.length();
+        let inside = |k: usize| {
+            let (from, to) = (self.outline[k], self.outline[(k + 1) % 4]);
+            normal.dot((to - from).cross(met - from)) >= -band * (to - from).length()
+        };
+        !met.is_finite() || !(0..4).all(inside)
     }
 
     /// The corners of the box around it.
