@@ -71,6 +71,12 @@ impl Writer {
     pub(super) fn spectrum(&mut self, depth: usize, name: &str, of: &dyn Fn(f64) -> f64) {
         let values: Vec<String> =
             (FIRST_NM..=LAST_NM).map(|nm| format!("{:.6e}", of(f64::from(nm)))).collect();
+        // A table of nothing but zeros is refused there.
+        if values.iter().all(|value| *value == values[0]) {
+            self.line(depth, &format!("<spectrum type=\"uniform\" name=\"{name}\">"));
+            self.line(depth + 1, &format!("<float name=\"value\" value=\"{}\"/>", values[0]));
+            return self.line(depth, "</spectrum>");
+        }
         self.line(depth, &format!("<spectrum type=\"regular\" name=\"{name}\">"));
         self.line(depth + 1, &float("wavelength_min", FIRST_NM.into()));
         self.line(depth + 1, &float("wavelength_max", LAST_NM.into()));

@@ -62,6 +62,19 @@ fn the_papers_room_is_written_whole() {
     }
 }
 
+/// Mitsuba refuses tables without any value above zero: the absorption index of a varnish is one.
+#[test]
+fn spectra_that_are_the_same_everywhere_are_no_tables() {
+    let (xml, _, _folder) = exported("tests/target_scenes/glossy.toml");
+    assert!(is_balanced(&xml) && xml.contains("<spectrum type=\"uniform\" name=\"k\">"));
+    let tables = xml.lines().filter(|line| line.contains("name=\"values\""));
+    for table in tables {
+        let values = table.split("value=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
+        let first = values.split(", ").next().unwrap();
+        assert!(values.split(", ").any(|value| value != first), "{values}");
+    }
+}
+
 #[test]
 fn round_surfaces_stay_round() {
     let (xml, _, _folder) = exported("scenes/sphere_and_disc.toml");
