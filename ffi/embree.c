@@ -128,8 +128,7 @@ uint32_t lux_version(void) {
 /* Whether a ray that Embree says meets a triangle of a quad can do so. For a triangle in whose plane the ray runs all
  * of Embree's tests are noise, and it reports hits on quads far beside the ray (28 of 2e8 rays, half of them made to
  * graze): in double precision the ray must cross the plane within its limits, and do so in the quad's box; where it runs
- * flat, also no further beside the quad than Embree may shift its edges (16 units in the last place of the largest
- * coordinate, to first order). */
+ * flat, also no further beside the quad than Embree may shift its edges. */
 static int can_meet(const float *quad, int second, const float *origin, const float *direction, const float *limits) {
     const float *a = quad + (second ? 6 : 0), *b = quad + (second ? 9 : 3), *c = quad + (second ? 3 : 9);
     double u[3], v[3], w[3];
@@ -155,7 +154,7 @@ static int can_meet(const float *quad, int second, const float *origin, const fl
     }
     double n2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2], d2 = 0.0;
     for (int k = 0; k < 3; k++) d2 += (double)direction[k] * direction[k];
-    if (speed * speed > 1e-6 * n2 * d2) return 1;
+    if (speed * speed > LUX_GRAZING2 * n2 * d2) return 1;
     double largest = 0.0;
     for (int k = 0; k < 3; k++) largest = fmax(largest, fmax(fabs(origin[k]), fabs(origin[k] + (double)direction[k])));
     for (int i = 0; i < 12; i++) largest = fmax(largest, fabs(quad[i]));
@@ -169,7 +168,7 @@ static int can_meet(const float *quad, int second, const float *origin, const fl
         double side = n[0] * (e[1] * p[2] - e[2] * p[1]) + n[1] * (e[2] * p[0] - e[0] * p[2]) +
                       n[2] * (e[0] * p[1] - e[1] * p[0]);
         double size = sqrt(n2 * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]));
-        if (side < -16.0 * FLT_EPSILON * largest * size) return 0;
+        if (side < -LUX_EDGE_ULPS * FLT_EPSILON * largest * size) return 0;
     }
     return 1;
 }

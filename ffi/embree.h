@@ -86,6 +86,13 @@ typedef struct lux_hits {
  * scene is handed over at a size of about 1. */
 #define LUX_ROUNDING 1e-6
 
+/* Square of the sine of the angle between a ray and a quad's plane under which all that Embree says of them may be noise. */
+#define LUX_GRAZING2 1e-6
+
+/* So many units in the last place (FLT_EPSILON) of the largest coordinate involved Embree may shift an edge, to first
+ * order: the judge's EDGE_ULPS. */
+#define LUX_EDGE_ULPS 16.0
+
 /* Room for Embree's message. */
 #define LUX_MESSAGE_BYTES 256
 

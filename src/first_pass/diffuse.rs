@@ -1,11 +1,11 @@
 //! The diffuse operator D: irradiance of all points from the diffuse radiance of all points,
 //! E_i = Σ_j h_ij π F_ij L_j, recomputed tile by tile from points and bits.
 
+use super::corrections::Corrections;
 use super::exchange::{BandLanes, Exchange, Power};
 use super::form_factor::{plain, plane_distances};
 use super::layout::Layout;
 use super::lobe_table::BAND;
-use super::near::Corrections;
 use super::pair_kernel::{Find, Kept, Sight, bytes};
 use super::schedule::{Pair, Schedule};
 use super::settings::{FirstPassSettings, Kernel};

@@ -9,6 +9,7 @@ mod balance;
 mod bounce;
 mod cells;
 pub mod chain;
+mod corrections;
 pub mod diffuse;
 pub mod directions;
 mod evenly;

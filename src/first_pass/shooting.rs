@@ -1,6 +1,6 @@
 //! Progressive shooting (section 3.3.2; Cohen et al. 1988): the point with most unshot power first.
 
-use super::near::Corrections;
+use super::corrections::Corrections;
 use super::settings::FirstPassSettings;
 use super::system::{Solved, System, unfinished};
 use crate::error::{Error, Result};

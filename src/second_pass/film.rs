@@ -13,6 +13,7 @@ pub(super) struct Film {
     pub stats: SecondPassStats,
     /// Sobol' seed of each pixel.
     pub seeds: Vec<u32>,
+    /// Room for one spectrum each, `[W]`, and for weights.
     pub value: Vec<f32>,
     pub reflected: Vec<f32>,
     pub transmitted: Vec<f32>,

@@ -51,8 +51,7 @@ const WORD: usize = 64;
 const LEVEL: f64 = 1e-9;
 
 /// How far the corners and nodes on an element's `border` lie from a foot's line, over the distance of the furthest
-/// from its
-/// `centre`: the least, and the most. Negative where [`side_of`] is true.
+/// from its `centre`: the least, and the most. Negative where [`side_of`] is true.
 fn range([a, b]: Foot, border: &[DVec2], centre: DVec2) -> (f64, f64) {
     let size = border.iter().map(|at| at.distance(centre)).fold(0.0, f64::max) * a.distance(b);
     let heights = border.iter().map(|&at| (b - a).perp_dot(at - a) / size);

@@ -206,8 +206,9 @@ impl Take<'_, '_> {
         if manner.gathers && !far {
             film.gathering.push(k as u32);
         }
-        let in_part = || wave.density(k) < f32::INFINITY || wave.by_chance(k);
-        if manner.glows && bounces == 0 && (manner.glows_apart || in_part()) {
+        // The field has the whole of it where a lobe's ray may bring less.
+        let less = || wave.density(k) < f32::INFINITY || wave.by_chance(k);
+        if manner.glows && bounces == 0 && (manner.glows_apart || less()) {
             film.glowing.push(k as u32);
         }
         match scatterer.ladder.near.find(hit.surface, hit.side, met) {

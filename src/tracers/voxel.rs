@@ -198,6 +198,12 @@ impl VoxelTracer {
         self.walk(ray, meet, |t_exit| best.get().0 > t_exit);
         let (t, surface) = best.get();
         let surface_met = self.surfaces.get(surface.index())?;
+        // Where parts of a surface meet, each finds the crossing to its own rounding. The whole is asked, as brute force asks
+        // it, so that it does not matter which of them had a voxel in common with the ray.
+        let t = match surface_met.round() {
+            Some(round) if round.parts() > 1 => round.intersect(ray).unwrap_or(t),
+            _ => t,
+        };
         Some(Hit { surface, t, side: side_met(surface_met, ray, t) })
     }
 

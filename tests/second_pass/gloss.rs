@@ -9,7 +9,7 @@ use luxgraph::material::microfacet::rs_over_f;
 use luxgraph::observer::Silent;
 use luxgraph::pipeline;
 use luxgraph::scene::load;
-use luxgraph::second_pass::{Passes, Rung, SpectralImage};
+use luxgraph::second_pass::{Passes, Rung, SecondPassStats, SpectralImage};
 use luxgraph::settings::Settings;
 use luxgraph::spectrum::Wavelengths;
 
@@ -48,13 +48,21 @@ quads = [[[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]]
 }
 
 fn view(lit: &Lit, rung: Rung, samples: u32, seed: u32) -> SpectralImage {
+    clamped_view(lit, rung, f64::INFINITY, (samples, seed)).0
+}
+
+fn clamped_view(
+    lit: &Lit,
+    rung: Rung,
+    clamp: f64,
+    (samples, seed): (u32, u32),
+) -> (SpectralImage, SecondPassStats) {
     let mut settings = lit.settings.second_pass;
-    (settings.rung, settings.samples, settings.seed) = (rung, samples, seed);
+    (settings.rung, settings.clamp, settings.samples, settings.seed) = (rung, clamp, samples, seed);
     let (geometry, camera) = (&lit.scene.geometry, &lit.scene.cameras[0]);
     let tracer = lit.tracer();
     pipeline::view(geometry, &lit.prepared, &lit.light, camera, tracer.as_ref(), &settings, &Silent)
         .expect("a view")
-        .0
 }
 
 /// What the floor sends from `place` towards the camera of the light of a source of `irradiance` on a plane that faces it.
@@ -179,14 +187,7 @@ quads = [[[-2, 2, 0], [2, 2, 0], [2, 2, 2], [-2, 2, 2]]]
 "#,
     );
     let sum = |image: &SpectralImage| image.radiance.iter().map(|&l| f64::from(l)).sum::<f64>();
-    let view = |rung: Rung, clamp: f64, samples: u32, seed: u32| {
-        let mut settings = lit.settings.second_pass;
-        (settings.rung, settings.clamp, settings.samples, settings.seed) = (rung, clamp, samples, seed);
-        let (geometry, camera) = (&lit.scene.geometry, &lit.scene.cameras[0]);
-        let (prepared, light, tracer) = (&lit.prepared, &lit.light, lit.tracer());
-        pipeline::view(geometry, prepared, light, camera, tracer.as_ref(), &settings, &Silent)
-            .expect("a view")
-    };
+    let view = |rung, clamp, samples, seed| clamped_view(&lit, rung, clamp, (samples, seed));
     for rung in [Rung::Interpolate, Rung::Direct] {
         let (whole, unlimited) = view(rung, f64::INFINITY, 16, 1);
         assert_eq!(unlimited.clamped_share, 0.0);

@@ -19,7 +19,7 @@ pub struct Decide<'a> {
     /// What counts; no longer than there are rays.
     pub hits: &'a mut [Option<Hit>],
     /// For each packet the lanes that are left to be decided one by one, a bit each: where what was found does not
-    /// count, or a lane met what is no polygon.
+    /// count or the ray runs flat along it, or a lane met what is no polygon.
     pub left: &'a mut [u16],
 }
 

@@ -1,7 +1,7 @@
 //! What tells in `f64` where a ray meets a surface that Embree found.
 
 use super::query::{Frame, LIMIT_ULPS, Span, length_bound};
-use super::raw::lux_hit;
+use super::raw::{LUX_EDGE_ULPS, LUX_GRAZING2, lux_hit};
 use crate::geometry::{Aabb, Hit, Ray, Round, Side, Surface, SurfaceId};
 use crate::tracers::brute_force::side_met;
 use glam::DVec3;
@@ -23,13 +23,6 @@ pub struct Face {
 /// How far what Embree says may lie from the truth, as a share of the scene's radius, for the truth to be taken instead.
 pub const REACH: f64 = 1e-3;
 
-/// Square of the sine of the angle with a plane under which all that Embree says of a ray may be noise.
-const GRAZING2: f64 = 1e-6;
-
-/// Units in the last place (`f32`) of the largest coordinate by which Embree may shift an edge:
-/// [`EDGE_ULPS`](crate::tracers::judge::EDGE_ULPS).
-const EDGE_ULPS: f64 = 16.0;
-
 #[inline(always)]
 fn dot([a, b, c]: [f64; 3], [x, y, z]: [f64; 3]) -> f64 {
     a * x + b * y + c * z
@@ -41,13 +34,13 @@ pub fn crossing([o, d]: [[f64; 3]; 2], [a, normal]: [[f64; 3]; 2]) -> f64 {
     dot(normal, [a[0] - o[0], a[1] - o[1], a[2] - o[2]]) / dot(normal, d)
 }
 
-/// Whether a ray of a direction of this length runs so flat along a plane (its normal of any length) that Embree may meet what
-/// lies beside the ray.
+/// Whether a ray, the square of the length of whose direction is given, runs so flat along a plane (its normal of any
+/// length) that Embree may meet what lies beside the ray.
 #[inline(always)]
 pub fn grazes(normal: [f64; 3], direction: [f64; 3], length2: f64) -> bool {
     let speed = dot(normal, direction);
     // A speed of nothing grazes too.
-    speed * speed <= GRAZING2 * dot(normal, normal) * length2
+    speed * speed <= LUX_GRAZING2 * dot(normal, normal) * length2
 }
 
 /// Whether a ray faces the side that a normal points to.
@@ -57,8 +50,7 @@ pub fn meets_front(normal: [f64; 3], direction: [f64; 3]) -> bool {
 }
 
 /// The parameter of what a ray (origin, direction) meets, and whether it counts: beyond `t_min`, and in the box of
-/// which `low` and
-/// `high` are corners. It is `exact` unless that is further from `rough`, Embree's, than `reach`.
+/// which `low` and `high` are corners. It is `exact` unless that is further from `rough`, Embree's, than `reach`.
 #[inline(always)]
 pub fn confirmed(
     [o, d]: [[f64; 3]; 2],
@@ -108,8 +100,8 @@ impl Face {
         counts.then_some(t)
     }
 
-    /// Whether `ray`, which runs flat along the triangle `part`, crosses its plane beside the surface by more than Embree can
-    /// tell, or nowhere.
+    /// Whether `ray` runs flat along the triangle `part` and crosses its plane beside the surface, by more than Embree
+    /// may shift an edge, or nowhere.
     pub fn is_beside(&self, ray: &Ray, part: u32) -> bool {
         let [corner, normal] = self.planes[usize::from(part == 1)];
         let (across, along) = (normal.to_array(), ray.direction.to_array());
@@ -119,7 +111,7 @@ impl Face {
         let met = ray.at(crossing([ray.origin.to_array(), along], [corner.to_array(), across]));
         let furthest = |p: DVec3| p.abs().max_element();
         let largest = self.outline.iter().fold(furthest(ray.origin), |most, p| most.max(furthest(*p)));
-        let band = EDGE_ULPS * f64::from(f32::EPSILON) * largest * normal.length();
+        let band = LUX_EDGE_ULPS * f64::from(f32::EPSILON) * largest * normal.length();
         let inside = |k: usize| {
             let (from, to) = (self.outline[k], self.outline[(k + 1) % 4]);
             normal.dot((to - from).cross(met - from)) >= -band * (to - from).length()

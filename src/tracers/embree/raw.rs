@@ -10,7 +10,9 @@ mod ffi {
     include!(concat!(env!("OUT_DIR"), "/embree.rs"));
 }
 
-pub use ffi::{LUX_MISS, lux_hit, lux_hits, lux_packet, lux_query, lux_ray, lux_round};
+pub use ffi::{
+    LUX_EDGE_ULPS, LUX_GRAZING2, LUX_MISS, lux_hit, lux_hits, lux_packet, lux_query, lux_ray, lux_round,
+};
 
 /// Rays in a packet.
 pub const LANES: usize = ffi::LUX_PACKET as usize;
