@@ -6,7 +6,7 @@ use super::directions::LANES;
 use super::flow::ChainFlow;
 use super::lights::PointLighting;
 use super::settings::ChainLimits;
-use super::specular::{SpecularPoint, SpecularSet};
+use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
 use rayon::prelude::*;
 
@@ -38,21 +38,36 @@ impl SpecularSet {
         self.chains(&Bounce { set: self, points, radiance: None, lights: Some(lights), state: None }, limits)
     }
 
-    /// Flux that the diffuse `radiance` (`[W][N]`) of all points brings to specular points, W nm⁻¹: `[W]`; and the same
-    /// with all radiance taken as positive.
-    pub(super) fn entering(&self, points: &SamplePoints, radiance: &[f32]) -> (Vec<f64>, Vec<f64>) {
-        let flux = |radiance: &[f32]| {
-            let by_point = interleave(radiance, points.len(), self.wavelengths);
-            let bounce = Bounce { set: self, points, radiance: Some(&by_point), lights: None, state: None };
-            let entered: Vec<Vec<f64>> =
-                (0..self.points.len()).into_par_iter().map(|s| bounce.entering(s)).collect();
-            entered.iter().fold(vec![0.0; self.wavelengths], |mut sum, more| {
-                add(&mut sum, more);
-                sum
-            })
+    /// How much of the radiance of each sample point falls on specular points, m² sr: `[N]`.
+    pub(super) fn importance(&self, points: &SamplePoints) -> Vec<f32> {
+        let mut importance = vec![0.0; points.len()];
+        for point in &self.points {
+            let area = points.area[point.point as usize];
+            for (&member, q_in) in point.members.iter().zip(&point.q_in).filter(|(m, _)| **m != NO_POINT) {
+                importance[member as usize] += area * q_in;
+            }
+        }
+        importance
+    }
+
+    /// Flux that the diffuse `radiance` (`[W][N]`) of all points brings to specular points, W nm⁻¹: `[W]`.
+    pub(super) fn entering(&self, points: &SamplePoints, radiance: &[f32]) -> Vec<f64> {
+        let by_point = interleave(radiance, points.len(), self.wavelengths);
+        let bounce = Bounce { set: self, points, radiance: Some(&by_point), lights: None, state: None };
+        let entered: Vec<Vec<f64>> =
+            (0..self.points.len()).into_par_iter().map(|s| bounce.entering(s)).collect();
+        entered.iter().fold(vec![0.0; self.wavelengths], |mut sum, more| {
+            add(&mut sum, more);
+            sum
+        })
+    }
+
+    /// The largest share of light of wavelength `k` that any point reflects or lets through.
+    pub(super) fn most(&self, k: usize) -> f64 {
+        let of = |m: &SpecularMaterial| {
+            if m.transmit.is_some() { 1.0 } else { f64::from(m.reflect.most(k)).min(1.0) }
         };
-        let positive: Vec<f32> = radiance.iter().map(|l| l.abs()).collect();
-        (flux(radiance), flux(&positive))
+        self.points.iter().filter_map(|p| self.material(p)).map(of).fold(0.0, f64::max)
     }
 
     /// The chains that begin with the `first` bounce.

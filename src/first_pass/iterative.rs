@@ -1,9 +1,10 @@
-//! The complete iterative solution of a [`System`]: GMRES on the whole of it, with its diffuse part solved as
-//! preconditioner, since a sweep costs less than a round of specular chains.
+//! The complete iterative solution of a [`System`]. Where nothing is specular it is GMRES; else generalized conjugate
+//! residuals on the whole of it, with its diffuse part solved as preconditioner, since a sweep costs less than a round of
+//! specular chains.
 
 use super::flow::ChainFlow;
 use super::gmres::{self, Outcome};
-use super::known::Known;
+use super::known::{Known, Vectors};
 use super::recalled::{Basis, Direction, Recalled};
 use super::rooms::weights;
 use super::settings::FirstPassSettings;
@@ -11,11 +12,12 @@ use super::system::{Solved, System, unfinished};
 use crate::error::Result;
 use std::f64::consts::PI;
 
-/// From so many times the goal on it is tried to end without another round of chains.
-const NEAR: f64 = 4.0;
-/// How much of the goal the residual then should be in its mean square, which its size may exceed, with room for what
-/// is not followed.
-const ENOUGH: f64 = 0.2;
+/// How much of the residual a step may leave at first.
+const LOOSE: f64 = 0.3;
+/// How much of what may be left is aimed at.
+const ENOUGH: f64 = 0.8;
+/// How many times the goal the flux may be that is not followed.
+const MOST_CUT: f64 = 2.0;
 
 impl System<'_> {
     /// Solves the system. It goes on from what is `recalled`, and adds to it. `progress` hears how many times its goal
@@ -27,58 +29,40 @@ impl System<'_> {
         &self,
         settings: &FirstPassSettings,
         recalled: &mut Recalled,
-        mut progress: impl FnMut(f64),
+        progress: impl FnMut(f64),
     ) -> Result<Solved> {
         let mut residual = self.sources();
         let weights = weights(self.points, &self.rooms.room, &residual);
         let reflected = |e: &[f32]| self.reflected(e);
         let apply = |x: &[f32]| self.specular.apply(self.points, x, &settings.chain);
-        let renewed = recalled.renew(&residual, &weights, reflected, apply);
-        let basis = recalled.basis(&weights, reflected);
+        let seen = self.specular.importance(self.points);
+        let norms = [&weights[..], &seen];
+        let renewed = recalled.renew(&residual, norms, reflected, apply);
+        let basis = recalled.basis(norms, reflected);
         let (mut x, mut chains) = (vec![0.0; residual.len()], ChainFlow::default());
         basis.take(&mut residual, 1.0, &mut x, &mut chains);
 
-        let with_chains = !self.specular.points.is_empty();
-        let mut known = Known::default();
-        for (x, diffuse) in recalled.diffuse().filter(|_| with_chains) {
-            known.add(x.to_vec(), self.absorbed(x, diffuse), &weights);
-        }
         let goals = self.goals(settings.tolerance);
-        let near: Vec<f64> = goals.iter().map(|goal| if with_chains { NEAR * goal } else { *goal }).collect();
-        let mut search = Search {
-            system: self,
-            settings,
-            weights: &weights,
-            basis: &basis,
-            goals: &goals,
-            x,
-            chains,
-            residual,
-            left: Vec::new(),
-            known,
-            sweeps: 0,
-            directions: Vec::new(),
-        };
-        search.advance(&near, &mut progress)?;
-        if with_chains && !search.reached() && !search.ends_without_chains() {
-            search.advance(&goals, &mut progress)?;
-        }
-        if !search.reached() {
-            return Err(unfinished(settings));
+        let mut search =
+            Search { system: self, settings, norms, basis, goals, x, chains, residual, sweeps: 0 };
+        let (mut rounds, mut end) = (0, None);
+        if self.specular.points.is_empty() {
+            search.without_chains(progress)?;
+        } else {
+            let known = recalled.diffuse().map(|(x, diffuse)| (x.to_vec(), diffuse.to_vec())).collect();
+            (rounds, end) = search.with_chains(known, progress)?;
+            rounds += u32::from(renewed);
         }
 
-        let Search { x, chains, mut sweeps, directions, .. } = search;
-        let rounds = if with_chains { directions.len() + usize::from(renewed) } else { 0 };
-        for mut direction in directions.into_iter().filter(|_| settings.recall) {
-            if direction.diffuse.is_empty() {
-                sweeps += 1;
-                direction.diffuse = self.diffuse.irradiance(&direction.radiance, |_| true);
-            }
-            recalled.add(direction);
+        let Search { x, chains, sweeps, basis, .. } = search;
+        let found = basis.found();
+        if settings.recall {
+            found.into_iter().for_each(|direction| recalled.add(direction));
+            end.into_iter().for_each(|end| recalled.add_end(end.x, end.diffuse));
         }
         let mut flow = self.light_chains.clone();
         flow.add_scaled(&chains, &vec![1.0; self.wavelengths()]);
-        Ok(Solved { radiance: x, flow, sweeps: sweeps as f64, rounds: rounds as u32 })
+        Ok(Solved { radiance: x, flow, sweeps: sweeps as f64, rounds })
     }
 }
 
@@ -86,117 +70,195 @@ impl System<'_> {
 struct Search<'s, 'a> {
     system: &'s System<'a>,
     settings: &'s FirstPassSettings,
-    /// Of the points, in the norm of residuals.
-    weights: &'s [f32],
-    /// What was found for earlier appearances.
-    basis: &'s Basis<'s>,
+    /// How points count in residuals, and how much of their light falls on specular points.
+    norms: [&'s [f32]; 2],
+    /// Directions x with A x, of earlier appearances and of this one.
+    basis: Basis<'s>,
     /// How much of the residual may be left, by wavelength.
-    goals: &'s [f64],
+    goals: Vec<f64>,
     x: Vec<f32>,
     /// C x.
     chains: ChainFlow,
     /// b - A x.
     residual: Vec<f32>,
-    /// Its size by wavelength.
-    left: Vec<f64>,
-    /// What is known of 1 - ρ/π D alone.
-    known: Known,
     sweeps: usize,
-    /// By step. Only what is to be recalled has its radiance, and D of it only where that costs nothing.
-    directions: Vec<Direction>,
 }
 
 impl Search<'_, '_> {
-    fn reached(&self) -> bool {
-        self.left.iter().zip(self.goals).all(|(left, goal)| left <= goal)
+    /// Whether what is `left`, by wavelength, is little enough.
+    fn is_enough(&self, left: impl IntoIterator<Item = f64>) -> bool {
+        left.into_iter().zip(&self.goals).all(|(left, goal)| left <= *goal)
     }
 
-    /// Goes on until `goals` are reached or the sweeps are used up.
-    fn advance(&mut self, goals: &[f64], progress: &mut impl FnMut(f64)) -> Result<()> {
-        let (residual, first) = (std::mem::take(&mut self.residual), self.directions.len());
-        let measure = (&self.system.points.area[..], self.weights);
-        let limit = self.settings.max_sweeps as usize;
-        let Outcome { x, residual, left, shares, .. } =
-            gmres::solve(&residual, measure, goals, limit, |v, excess| {
+    /// Solves a system without chains.
+    fn without_chains(&mut self, mut progress: impl FnMut(f64)) -> Result<()> {
+        let Search { system, settings, norms, basis, goals, sweeps, .. } = self;
+        let measure = (&system.points.area[..], norms[0]);
+        let mut directions = Vec::new();
+        let solved =
+            gmres::solve(&self.residual, measure, goals, settings.max_sweeps as usize, |v, excess| {
                 progress(excess);
-                if self.system.specular.points.is_empty() {
-                    Ok(self.diffuse_step(v))
-                } else {
-                    self.chained_step(v, excess)
+                let diffuse = system.diffuse.irradiance(v, |i| settings.recall || system.response.active[i]);
+                *sweeps += 1;
+                let (mut x, mut image) = (v.to_vec(), system.absorbed(v, &diffuse));
+                basis.take(&mut image, -1.0, &mut x, &mut ChainFlow::default());
+                if settings.recall {
+                    directions.push(Direction {
+                        radiance: v.to_vec(),
+                        diffuse,
+                        chains: ChainFlow::default(),
+                    });
                 }
-            })?;
-        for (direction, share) in self.directions[first..].iter().zip(&shares) {
-            self.chains.add_scaled(&direction.chains, share);
-        }
+                Ok((x, image))
+            });
+        let Outcome { x, left, .. } = solved?;
         self.x.iter_mut().zip(&x).for_each(|(x, more)| *x += more);
-        (self.residual, self.left) = (residual, left);
-        Ok(())
+        directions.into_iter().for_each(|direction| self.basis.keep(direction));
+        if self.is_enough(left) { Ok(()) } else { Err(unfinished(self.settings)) }
     }
 
-    /// (x, A x) for x = v, where there are no chains, but for what is known already.
-    fn diffuse_step(&mut self, v: &[f32]) -> (Vec<f32>, Vec<f32>) {
-        let Search { system, settings, .. } = self;
-        let diffuse = system.diffuse.irradiance(v, |i| settings.recall || system.response.active[i]);
-        self.sweeps += 1;
-        let (mut x, mut image) = (v.to_vec(), system.absorbed(v, &diffuse));
-        if settings.recall {
-            self.directions.push(Direction { radiance: v.to_vec(), diffuse, chains: ChainFlow::default() });
+    /// Solves a system with chains, given D x of some x. Returns the rounds of chains, and the last step where it cost none.
+    fn with_chains(
+        &mut self,
+        recalled: Vec<(Vec<f32>, Vec<f32>)>,
+        mut progress: impl FnMut(f64),
+    ) -> Result<(u32, Option<Vectors>)> {
+        let Search { system, settings, .. } = *self;
+        let mut known = self.known(recalled);
+        let turned = self.turned();
+        for round in 0..settings.max_sweeps {
+            let left = self.sizes(&self.residual);
+            if self.is_enough(left.iter().copied()) {
+                return Ok((round, None));
+            }
+            let excess = left.iter().zip(&self.goals).map(|(left, goal)| left / goal).fold(1.0, f64::max);
+            if !left.iter().all(|left| left.is_finite()) || self.sweeps >= settings.max_sweeps as usize {
+                break;
+            }
+            progress(excess);
+            let (step, ends) = self.step(&mut known, &turned);
+            if ends {
+                self.end(&step);
+                return Ok((round, Some(step)));
+            }
+            let chains = system.specular.apply(system.points, &step.x, &settings.chain);
+            let back = system.reflected(&chains.irradiance);
+            let image =
+                system.absorbed(&step.x, &step.diffuse).iter().zip(&back).map(|(x, b)| x - b).collect();
+            self.basis.add(Direction { radiance: step.x, diffuse: step.diffuse, chains }, image);
+            self.basis.take(&mut self.residual, 1.0, &mut self.x, &mut self.chains);
+            known = self.known(known.into_vectors());
         }
-        self.basis.take(&mut image, -1.0, &mut x, &mut ChainFlow::default());
-        (x, image)
+        Err(unfinished(settings))
     }
 
-    /// (x, A x) for an x that is nearly v less all diffuse reflection, but for what is known already.
-    fn chained_step(&mut self, v: &[f32], excess: f64) -> Result<(Vec<f32>, Vec<f32>)> {
-        // Half of the way, in powers, and near the goal no more than that asks for. It decides how fast the
-        // outer solve comes to its tolerance, not where that ends.
-        let (mut x, residual) = self.preconditioned(v, self.settings.tolerance.sqrt().max(0.5 / excess));
-        if self.sweeps >= self.settings.max_sweeps as usize {
-            return Err(unfinished(self.settings));
+    /// The size of a residual, by wavelength.
+    fn sizes(&self, residual: &[f32]) -> Vec<f64> {
+        gmres::sizes((&self.system.points.area, self.norms[0]), self.goals.len(), residual)
+    }
+
+    /// (1 - ρ/π (D + C)) x, given D x, with what is known of C.
+    fn image(&self, x: &[f32], diffuse: &[f32]) -> Vec<f32> {
+        let mut irradiance = diffuse.to_vec();
+        self.basis.follow(x).irradiance(&self.basis, &mut irradiance);
+        self.system.absorbed(x, &irradiance)
+    }
+
+    /// Directions x, of which D x is known, for [`Search::diffuse_step`].
+    fn known(&self, vectors: impl IntoIterator<Item = (Vec<f32>, Vec<f32>)>) -> Known {
+        let mut known = Known::default();
+        for (x, diffuse) in vectors {
+            let image = self.image(&x, &diffuse);
+            known.add(Vectors { x, diffuse, image }, self.norms[0]);
         }
-        let Search { system, settings, .. } = self;
-        let mut chains = system.specular.apply(system.points, &x, &settings.chain);
-        let back = system.reflected(&chains.irradiance);
-        let mut image: Vec<f32> = v.iter().zip(&residual).zip(&back).map(|((v, r), b)| v - r - b).collect();
-        self.basis.take(&mut image, -1.0, &mut x, &mut chains);
-        let radiance = if settings.recall { x.clone() } else { Vec::new() };
-        self.directions.push(Direction { radiance, diffuse: Vec::new(), chains });
-        Ok((x, image))
+        known
     }
 
-    /// x and v - (1 - ρ/π D) x, which is a share of v of at most `goal`, as far as the sweeps that are left allow.
-    fn preconditioned(&mut self, v: &[f32], goal: f64) -> (Vec<f32>, Vec<f32>) {
-        let Search { system, settings, weights, known, sweeps, .. } = self;
-        let most = (settings.max_sweeps as usize).saturating_sub(*sweeps);
-        known.solve(v, weights, goal, most, |v| {
-            *sweeps += 1;
-            system.absorbed(v, &system.diffuse.irradiance(v, |i| system.response.active[i]))
-        })
+    /// An x that leaves no more of the residual than a share of `goal` by what is known of chains, as far as the sweeps that
+    /// are left allow.
+    fn diffuse_step(&mut self, known: &mut Known, goal: f64) -> Vectors {
+        let (system, all) = (self.system, self.settings.recall);
+        let most = (self.settings.max_sweeps as usize).saturating_sub(self.sweeps);
+        let mut sweeps = 0;
+        let step = known.solve(&self.residual, self.norms[0], goal, most, |v| {
+            sweeps += 1;
+            let diffuse = system.diffuse.irradiance(v, |i| all || system.response.active[i]);
+            let image = self.image(v, &diffuse);
+            (diffuse, image)
+        });
+        self.sweeps += sweeps;
+        step
     }
 
-    /// Tries to reach the goals by diffuse light alone: what it brings to specular points is not followed but counts
-    /// as left, all of it, for no more than that is ever reflected diffusely again. Whether that is enough.
-    fn ends_without_chains(&mut self) -> bool {
-        let excess = self.left.iter().zip(self.goals).map(|(left, goal)| left / goal).fold(1.0, f64::max);
-        let residual = std::mem::take(&mut self.residual);
-        let (more, rest) = self.preconditioned(&residual, ENOUGH / excess);
-        self.residual = residual;
-        let points = self.system.points;
+    /// A step that leaves no more of the residual than the chains that are not known may, and whether these need not be
+    /// known: it may be so little that is not followed that all that can come of it may be left. `turned` is the share
+    /// that comes of it at most.
+    fn step(&mut self, known: &mut Known, turned: &[f64]) -> (Vectors, bool) {
+        let (mut goal, mut before) = (LOOSE, vec![f64::INFINITY; self.goals.len()]);
+        loop {
+            let step = self.diffuse_step(known, goal);
+            let (left, unfollowed) = (self.sizes(&step.image), self.unfollowed(&step.x));
+            let mut most: Vec<f64> =
+                unfollowed.iter().zip(turned).map(|(flux, turned)| turned * flux).collect();
+            if self.is_enough(unfollowed.iter().map(|flux| flux / MOST_CUT))
+                && self.is_enough(most.iter().copied())
+            {
+                most = self.goals.iter().zip(&most).map(|(goal, more)| goal - more).collect();
+                if left.iter().zip(&most).all(|(left, most)| left <= most) {
+                    return (step, true);
+                }
+            }
+            let stuck = left.iter().zip(&before).all(|(left, before)| left >= before);
+            goal = self.share(&step, &most);
+            if goal >= 1.0 || stuck || self.sweeps >= self.settings.max_sweeps as usize {
+                return (step, false);
+            }
+            before = left;
+        }
+    }
+
+    /// How much of the light of x falls on specular points and is not known to go on, by wavelength; as the size of a residual
+    /// that it could become.
+    fn unfollowed(&self, x: &[f32]) -> Vec<f64> {
+        let Search { system, norms: [weights, seen], .. } = *self;
         // The measure of a residual counts areas more in weaker rooms.
-        let heaviest = self.weights.iter().zip(&points.area).map(|(w, a)| (w / a).sqrt()).fold(1.0, f32::max);
-        let (flux, size) = self.system.specular.entering(points, &more);
-        let sizes = gmres::sizes((&points.area, self.weights), self.goals.len(), &rest);
-        let unfollowed = size.iter().map(|flux| f64::from(heaviest) * flux / PI);
-        let left: Vec<f64> = sizes.iter().zip(unfollowed).map(|(left, more)| left + more).collect();
-        if !left.iter().zip(self.goals).all(|(left, goal)| left <= goal) {
-            return false;
-        }
-        self.x.iter_mut().zip(&more).for_each(|(x, more)| *x += more);
+        let heaviest =
+            weights.iter().zip(&system.points.area).map(|(w, a)| (w / a).sqrt()).fold(1.0, f32::max);
+        let rest = self.basis.follow(x).left(&self.basis, x);
+        let flux = |rest: &[f32]| rest.iter().zip(seen).map(|(l, h)| f64::from(l.abs() * h)).sum::<f64>();
+        rest.chunks(seen.len()).map(|rest| f64::from(heaviest) * flux(rest) / PI).collect()
+    }
+
+    /// The share of the residual, in its mean square, that a step should leave for the size of what it leaves to come
+    /// within `most`; 1 where it has.
+    fn share(&self, step: &Vectors, most: &[f64]) -> f64 {
+        let n = self.system.points.len();
+        let norm = |v: &[f32]| gmres::inner(self.norms[0], v, v).sqrt();
+        let planes = self.residual.chunks(n).zip(step.image.chunks(n)).zip(self.sizes(&step.image));
+        let share = |(((b, rest), left), most): (((&[f32], &[f32]), f64), &f64)| {
+            if left > *most { ENOUGH * norm(rest) / norm(b) * most / left } else { 1.0 }
+        };
+        planes.zip(most).map(share).fold(1.0, f64::min)
+    }
+
+    /// The largest share of what falls on specular points that is ever reflected diffusely after its first reflection, by
+    /// wavelength.
+    fn turned(&self) -> Vec<f64> {
+        let System { response, specular, points, .. } = self.system;
+        let most = |k: usize| (0..points.len()).map(|i| response.turned(k, i)).fold(0.0, f64::max);
+        (0..self.goals.len()).map(|k| most(k) * specular.most(k)).collect()
+    }
+
+    /// Takes a last step, of which no more is followed than is known.
+    fn end(&mut self, step: &Vectors) {
+        self.x.iter_mut().zip(&step.x).for_each(|(x, more)| *x += more);
+        let followed = self.basis.follow(&step.x);
+        followed.chains(&self.basis, &mut self.chains);
+        let rest = followed.left(&self.basis, &step.x);
+        let flux = self.system.specular.entering(self.system.points, &rest);
         for total in [&mut self.chains.entered, &mut self.chains.cut_off] {
             total.resize(flux.len(), 0.0);
             total.iter_mut().zip(&flux).for_each(|(total, flux)| *total += flux);
         }
-        (self.residual, self.left) = (rest, left);
-        true
     }
 }

@@ -10,31 +10,50 @@ use rayon::prelude::*;
 /// What is less than this share of an image is rounding: of one that was just found, and of one that may be made of others.
 const LEAST: [f64; 2] = [1e-6, 1e-3];
 
-/// Directions whose images are known; the images are orthonormal.
-#[derive(Default)]
-pub struct Known {
-    /// By step, `[W][N]`.
-    directions: Vec<Vec<f32>>,
-    /// By step, `[W][N]`.
-    images: Vec<Vec<f32>>,
+/// A vector x, D x, and A x = (1 - ρ/π D) x or, of a solution, b - A x: `[W][N]` each.
+#[derive(Clone)]
+pub struct Vectors {
+    /// x
+    pub x: Vec<f32>,
+    /// D x
+    pub diffuse: Vec<f32>,
+    /// A x, or what is left of b.
+    pub image: Vec<f32>,
 }
 
-/// One wavelength of a system on its way.
+/// The same at one wavelength.
 struct Plane<'a> {
     x: &'a mut [f32],
-    residual: &'a mut [f32],
-    /// Norm of the residual asked for.
-    goal: f64,
-    norm: f64,
+    diffuse: &'a mut [f32],
+    image: &'a mut [f32],
+}
+
+impl Vectors {
+    /// By wavelength, for `n` points.
+    fn planes(&mut self, n: usize) -> impl IndexedParallelIterator<Item = Plane<'_>> {
+        (self.x.par_chunks_mut(n).zip(self.diffuse.par_chunks_mut(n)).zip(self.image.par_chunks_mut(n)))
+            .map(|((x, diffuse), image)| Plane { x, diffuse, image })
+    }
 }
 
 impl Plane<'_> {
-    /// Takes out of the residual what lies along `image`.
-    fn take(&mut self, weight: &[f32], direction: &[f32], image: &[f32]) {
-        let along = inner(weight, self.residual, image);
-        add(self.x, along, direction);
-        add(self.residual, -along, image);
-        self.norm = inner(weight, self.residual, self.residual).sqrt();
+    /// Adds `factor` times what `other` holds at wavelength `k`; to the image `factors[1]` times.
+    fn add(&mut self, factors: [f64; 2], other: &Vectors, k: usize) {
+        let plane = k * self.x.len()..(k + 1) * self.x.len();
+        add(self.x, factors[0], &other.x[plane.clone()]);
+        add(self.diffuse, factors[0], &other.diffuse[plane.clone()]);
+        add(self.image, factors[1], &other.image[plane]);
+    }
+
+    fn scale(&mut self, factor: f64) {
+        for v in [&mut *self.x, self.diffuse, self.image] {
+            v.iter_mut().for_each(|v| *v = (f64::from(*v) * factor) as f32);
+        }
+    }
+
+    /// Norm of the image.
+    fn size(&self, weight: &[f32]) -> f64 {
+        inner(weight, self.image, self.image).sqrt()
     }
 }
 
@@ -43,99 +62,94 @@ fn add(x: &mut [f32], factor: f64, y: &[f32]) {
     x.iter_mut().zip(y).for_each(|(x, &y)| *x += (factor * f64::from(y)) as f32);
 }
 
+/// Directions of which all is known; the images are orthonormal.
+#[derive(Default)]
+pub struct Known {
+    directions: Vec<Vectors>,
+}
+
 impl Known {
-    /// Adds a direction of which the `image`, A times it, is known.
-    pub fn add(&mut self, mut direction: Vec<f32>, mut image: Vec<f32>, weight: &[f32]) {
-        let n = weight.len().max(1);
-        (direction.par_chunks_mut(n).zip(image.par_chunks_mut(n)).enumerate()).for_each(
-            |(k, (direction, image))| {
-                let size = inner(weight, image, image).sqrt();
-                let unit = if size > 0.0 { (1.0 / size) as f32 } else { 0.0 };
-                for v in [&mut *direction, &mut *image] {
-                    v.iter_mut().for_each(|v| *v *= unit);
-                }
-                self.orthonormalise(k, (direction, image), weight, LEAST[1]);
-            },
-        );
+    /// Adds a direction.
+    pub fn add(&mut self, mut direction: Vectors, weight: &[f32]) {
+        direction.planes(weight.len().max(1)).enumerate().for_each(|(k, mut plane)| {
+            let size = plane.size(weight);
+            plane.scale(if size > 0.0 { 1.0 / size } else { 0.0 });
+            self.orthonormalise(k, &mut plane, weight, LEAST[1]);
+        });
         self.directions.push(direction);
-        self.images.push(image);
     }
 
-    /// Takes out of an image at wavelength `k`, of a size of about 1, and out of its direction, what lies along those
-    /// known, and makes it a unit one; nothing is left of it, and the answer is no, where less than `least` is left.
-    fn orthonormalise(
-        &self,
-        k: usize,
-        (direction, image): (&mut [f32], &mut [f32]),
-        weight: &[f32],
-        least: f64,
-    ) -> bool {
-        let plane = k * weight.len()..(k + 1) * weight.len();
+    /// All x with their D x.
+    pub fn into_vectors(self) -> impl Iterator<Item = (Vec<f32>, Vec<f32>)> {
+        self.directions.into_iter().map(|direction| (direction.x, direction.diffuse))
+    }
+
+    /// Takes out of an image at wavelength `k`, of a size of about 1, and out of what it is the image of, what lies along
+    /// those known, and makes it a unit one; nothing is left of it, and the answer is no, where less than `least` is left.
+    fn orthonormalise(&self, k: usize, plane: &mut Plane, weight: &[f32], least: f64) -> bool {
+        let of = k * weight.len()..(k + 1) * weight.len();
         // Twice, as once in f32 leaves too much of the old images.
         for _ in 0..2 {
-            for (old, known) in self.images.iter().zip(&self.directions) {
-                let old = &old[plane.clone()];
-                let along = inner(weight, image, old);
-                add(image, -along, old);
-                add(direction, -along, &known[plane.clone()]);
+            for old in &self.directions {
+                let along = inner(weight, plane.image, &old.image[of.clone()]);
+                plane.add([-along, -along], old, k);
             }
         }
-        let length = inner(weight, image, image).sqrt();
+        let length = plane.size(weight);
         let scale = if length > least { 1.0 / length } else { 0.0 };
-        for v in [direction, image] {
-            v.iter_mut().for_each(|v| *v = (f64::from(*v) * scale) as f32);
-        }
+        plane.scale(scale);
         scale > 0.0
     }
 
     /// Solves A x = `b`, `[W][N]`, until the residual of every wavelength is `goal` of b in the norm of `weight`, or
-    /// `limit` steps are done. `apply` is A. Returns (x, b - A x).
+    /// `limit` steps are done. `apply` gives (D v, A v). Returns x with b - A x.
     pub fn solve(
         &mut self,
         b: &[f32],
         weight: &[f32],
         goal: f64,
         limit: usize,
-        mut apply: impl FnMut(&[f32]) -> Vec<f32>,
-    ) -> (Vec<f32>, Vec<f32>) {
+        mut apply: impl FnMut(&[f32]) -> (Vec<f32>, Vec<f32>),
+    ) -> Vectors {
         let n = weight.len().max(1);
-        let (mut x, mut residual) = (vec![0.0; b.len()], b.to_vec());
-        let mut planes: Vec<Plane> = (x.chunks_mut(n).zip(residual.chunks_mut(n)))
-            .map(|(x, residual)| {
-                let norm = inner(weight, residual, residual).sqrt();
-                Plane { x, residual, goal: goal * norm, norm }
+        let mut found = Vectors { x: vec![0.0; b.len()], diffuse: vec![0.0; b.len()], image: b.to_vec() };
+        // Takes out of the residual what lies along a direction; what is left.
+        let take = |k: usize, plane: &mut Plane, direction: &Vectors| {
+            let along = inner(weight, plane.image, &direction.image[k * n..(k + 1) * n]);
+            plane.add([along, -along], direction, k);
+        };
+        let mut left: Vec<(f64, f64)> = (found.planes(n).enumerate())
+            .map(|(k, mut plane)| {
+                let whole = plane.size(weight);
+                self.directions.iter().for_each(|direction| take(k, &mut plane, direction));
+                (plane.size(weight), goal * whole)
             })
             .collect();
-        planes.par_iter_mut().enumerate().for_each(|(k, plane)| {
-            for (direction, image) in self.directions.iter().zip(&self.images) {
-                plane.take(weight, &direction[k * n..(k + 1) * n], &image[k * n..(k + 1) * n]);
-            }
-        });
         for _ in 0..limit {
-            let open = |plane: &Plane| plane.norm > plane.goal && plane.norm.is_finite();
-            if !planes.iter().any(open) {
+            let open = |(norm, goal): &(f64, f64)| norm > goal && norm.is_finite();
+            if !left.iter().any(open) {
                 break;
             }
-            let mut direction = vec![0.0; b.len()];
-            for (direction, plane) in direction.chunks_mut(n).zip(&planes).filter(|(_, p)| open(p)) {
-                add(direction, 1.0 / plane.norm, plane.residual);
+            let mut x = vec![0.0; b.len()];
+            for ((x, residual), left) in x.chunks_mut(n).zip(found.image.chunks(n)).zip(&left) {
+                if open(left) {
+                    add(x, 1.0 / left.0, residual);
+                }
             }
-            let mut image = apply(&direction);
-            (direction.par_chunks_mut(n).zip(image.par_chunks_mut(n)).zip(&mut planes).enumerate()).for_each(
-                |(k, ((direction, image), plane))| {
-                    let new = self.orthonormalise(k, (direction, image), weight, LEAST[0]);
-                    if open(plane) {
-                        plane.take(weight, direction, image);
-                        if !new {
-                            plane.norm = 0.0;
-                        }
-                    }
-                },
-            );
+            let (diffuse, image) = apply(&x);
+            let mut direction = Vectors { x, diffuse, image };
+            let new: Vec<bool> = (direction.planes(n).enumerate())
+                .map(|(k, mut plane)| self.orthonormalise(k, &mut plane, weight, LEAST[0]))
+                .collect();
+            (found.planes(n).zip(&mut left).enumerate()).for_each(|(k, (mut plane, left))| {
+                if open(left) {
+                    take(k, &mut plane, &direction);
+                    left.0 = if new[k] { plane.size(weight) } else { 0.0 };
+                }
+            });
             self.directions.push(direction);
-            self.images.push(image);
         }
-        (x, residual)
+        found
     }
 }
 
@@ -157,10 +171,11 @@ mod tests {
         for scale in [1.0f32, 3.0] {
             let mut count = 0;
             let b: Vec<f32> = b.iter().map(|b| scale * b).collect();
-            let (x, residual) = known.solve(&b, &weight, 1e-4, 100, |x| {
+            let Vectors { x, diffuse, image: residual } = known.solve(&b, &weight, 1e-4, 100, |x| {
                 count += 1;
-                apply(x)
+                (x.iter().map(|x| 2.0 * x).collect(), apply(x))
             });
+            assert!(x.iter().zip(&diffuse).all(|(x, d)| (2.0 * x - d).abs() < 1e-5 * scale));
             for ((b, a), r) in b.iter().zip(apply(&x)).zip(&residual) {
                 assert!((b - a - r).abs() < 1e-5 * scale, "{b} {a} {r}");
             }

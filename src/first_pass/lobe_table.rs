@@ -38,6 +38,12 @@ impl LobeTable {
         LobeTable { bands, last, values }
     }
 
+    /// The largest value for wavelength `k`.
+    pub fn most(&self, k: usize) -> f32 {
+        let ends = |(here, step): &(Band, Band)| here[k % BAND].max(here[k % BAND] + step[k % BAND]);
+        self.values.iter().skip(k / BAND).step_by(self.bands).map(ends).fold(0.0, f32::max)
+    }
+
     /// Equal for equal tables.
     pub fn fingerprint(&self) -> u64 {
         let mut hasher = std::hash::DefaultHasher::new();

@@ -46,6 +46,7 @@ mod schedule;
 mod settings;
 mod shooting;
 mod sky;
+mod span;
 pub mod specular;
 pub mod specular_material;
 mod stats;

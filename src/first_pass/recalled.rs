@@ -7,14 +7,13 @@
 //! was best with the old C takes one round of the new one.
 
 use super::flow::ChainFlow;
-use super::gmres::inner;
+use super::span::{Span, add_each};
 use crate::scene::SampledAppearance;
 
-/// Vectors that are kept.
+/// Vectors that are kept,
 const MOST: usize = 16;
-
-/// An image that adds less than this share to those before it adds rounding.
-const LEAST: f64 = 1e-3;
+/// and of those of which C x is not known.
+const MOST_ENDS: usize = 4;
 
 /// Earlier solutions and directions over the same form factors.
 #[derive(Default)]
@@ -26,6 +25,8 @@ pub struct Recalled {
     earlier: Vec<Direction>,
     /// From which of them on C x is that of now.
     current: usize,
+    /// (x, D x) of last steps, of which C x was not asked.
+    ends: Vec<(Vec<f32>, Vec<f32>)>,
 }
 
 /// A vector x and what becomes of it, `[W][N]` each.
@@ -47,14 +48,17 @@ impl Direction {
     }
 }
 
-/// What can be said without a sweep or a bounce: the images A x of some vectors x.
+/// What can be said without a sweep or a bounce: A x of some vectors x, and C x.
 pub struct Basis<'a> {
     earlier: &'a [Direction],
-    /// A x of each.
+    /// Found since.
+    found: Vec<Direction>,
+    /// A x of each,
     images: Vec<Vec<f32>>,
-    /// The same made orthonormal, and how each of these is made of the vectors.
-    orthonormal: Vec<(Vec<f32>, Vec<Vec<f64>>)>,
-    weight: &'a [f32],
+    /// in the norm of residuals;
+    span: Span<'a>,
+    /// and x as specular points see it.
+    seen: Span<'a>,
 }
 
 impl Recalled {
@@ -80,9 +84,18 @@ impl Recalled {
         self.earlier.push(direction);
     }
 
+    /// Keeps an x and D x.
+    pub fn add_end(&mut self, x: Vec<f32>, diffuse: Vec<f32>) {
+        if self.ends.len() == MOST_ENDS {
+            self.ends.remove(0);
+        }
+        self.ends.push((x, diffuse));
+    }
+
     /// Every x with its D x.
     pub fn diffuse(&self) -> impl Iterator<Item = (&[f32], &[f32])> {
-        self.earlier.iter().map(|earlier| (&earlier.radiance[..], &earlier.diffuse[..]))
+        let ends = self.ends.iter().map(|(x, diffuse)| (&x[..], &diffuse[..]));
+        self.earlier.iter().map(|earlier| (&earlier.radiance[..], &earlier.diffuse[..])).chain(ends)
     }
 
     /// After something specular has changed: what is best for `b` = A x by what chains made of it before, with what they
@@ -90,83 +103,76 @@ impl Recalled {
     pub fn renew(
         &mut self,
         b: &[f32],
-        weight: &[f32],
+        weights: [&[f32]; 2],
         reflected: impl Fn(&[f32]) -> Vec<f32>,
         chains: impl FnOnce(&[f32]) -> ChainFlow,
     ) -> bool {
         if self.earlier.is_empty() || self.current < self.earlier.len() {
             return false;
         }
-        let basis = Basis::new(&self.earlier, weight, reflected);
-        let shares = basis.shares(b);
+        let basis = Basis::new(&self.earlier, weights, reflected);
+        let shares = basis.span.shares(b);
         let (radiance, diffuse) = (basis.sum(&shares, |e| &e.radiance), basis.sum(&shares, |e| &e.diffuse));
         let chains = chains(&radiance);
         self.add(Direction { radiance, diffuse, chains });
         true
     }
 
-    /// What is known of A = 1 - ρ/π (D + C) in the norm that weighs points by `weight`; `reflected` is ρ/π E.
-    pub fn basis<'a>(&'a self, weight: &'a [f32], reflected: impl Fn(&[f32]) -> Vec<f32>) -> Basis<'a> {
-        Basis::new(&self.earlier[self.current..], weight, reflected)
+    /// What is known of A = 1 - ρ/π (D + C) and of C, in norms that weigh points by how residuals count and by how specular
+    /// points see them; `reflected` is ρ/π E.
+    pub fn basis<'a>(&'a self, weights: [&'a [f32]; 2], reflected: impl Fn(&[f32]) -> Vec<f32>) -> Basis<'a> {
+        Basis::new(&self.earlier[self.current..], weights, reflected)
     }
 }
 
 impl<'a> Basis<'a> {
-    fn new(earlier: &'a [Direction], weight: &'a [f32], reflected: impl Fn(&[f32]) -> Vec<f32>) -> Self {
-        let n = weight.len().max(1);
-        let of = |earlier: &Direction| -> Vec<f32> {
+    fn new(
+        earlier: &'a [Direction],
+        [weight, seen]: [&'a [f32]; 2],
+        reflected: impl Fn(&[f32]) -> Vec<f32>,
+    ) -> Self {
+        let (span, seen) = (Span::new(weight), Span::new(seen));
+        let mut basis = Basis { earlier, found: Vec::new(), images: Vec::new(), span, seen };
+        for earlier in earlier {
             let back = reflected(&earlier.irradiance());
-            earlier.radiance.iter().zip(&back).map(|(x, b)| x - b).collect()
-        };
-        let images: Vec<Vec<f32>> = earlier.iter().map(of).collect();
-        let mut orthonormal: Vec<(Vec<f32>, Vec<Vec<f64>>)> = Vec::new();
-        for (j, image) in images.iter().enumerate() {
-            let (mut image, w) = (image.clone(), image.len() / n);
-            let mut made = vec![vec![0.0; w]; j + 1];
-            made[j] = vec![1.0; w];
-            for k in 0..w {
-                let plane = k * n..(k + 1) * n;
-                let image = &mut image[plane.clone()];
-                let whole = inner(weight, image, image).sqrt();
-                for (other, of) in &orthonormal {
-                    let other = &other[plane.clone()];
-                    let along = inner(weight, image, other);
-                    add(image, -along, other);
-                    of.iter().zip(&mut made).for_each(|(of, made)| made[k] -= along * of[k]);
-                }
-                let left = inner(weight, image, image).sqrt();
-                let scale = if left > LEAST * whole { 1.0 / left } else { 0.0 };
-                image.iter_mut().for_each(|x| *x = (f64::from(*x) * scale) as f32);
-                made.iter_mut().for_each(|made| made[k] *= scale);
-            }
-            orthonormal.push((image, made));
+            let image = earlier.radiance.iter().zip(&back).map(|(x, b)| x - b).collect();
+            basis.know(&earlier.radiance, image);
         }
-        Basis { earlier, images, orthonormal, weight }
+        basis
     }
 
-    /// How much of each vector makes up most of `b`, by vector and wavelength.
-    fn shares(&self, b: &[f32]) -> Vec<Vec<f64>> {
-        let n = self.weight.len().max(1);
-        let mut shares = vec![vec![0.0; b.len() / n]; self.earlier.len()];
-        for (image, made) in &self.orthonormal {
-            for k in 0..b.len() / n {
-                let plane = k * n..(k + 1) * n;
-                let along = inner(self.weight, &b[plane.clone()], &image[plane]);
-                made.iter().zip(&mut shares).for_each(|(made, share)| share[k] += along * made[k]);
-            }
-        }
-        shares
+    fn know(&mut self, x: &[f32], image: Vec<f32>) {
+        self.seen.add(x.to_vec());
+        self.span.add(image.clone());
+        self.images.push(image);
     }
 
-    /// Σ share x of some property x of the vectors.
+    /// Adds a direction and its image.
+    pub fn add(&mut self, direction: Direction, image: Vec<f32>) {
+        self.know(&direction.radiance, image);
+        self.found.push(direction);
+    }
+
+    /// Adds a direction to those that are found, but not its image.
+    pub fn keep(&mut self, direction: Direction) {
+        self.found.push(direction);
+    }
+
+    /// The directions that were added.
+    pub fn found(self) -> Vec<Direction> {
+        self.found
+    }
+
+    /// All directions.
+    fn directions(&self) -> impl Iterator<Item = &Direction> {
+        self.earlier.iter().chain(&self.found)
+    }
+
+    /// Σ share x of some property x of the directions.
     fn sum(&self, shares: &[Vec<f64>], of: impl Fn(&Direction) -> &[f32]) -> Vec<f32> {
-        let n = self.weight.len().max(1);
         let mut sum = vec![0.0; self.images.first().map_or(0, Vec::len)];
-        for (earlier, share) in self.earlier.iter().zip(shares) {
-            for (k, &share) in share.iter().enumerate() {
-                let plane = k * n..(k + 1) * n;
-                add(&mut sum[plane.clone()], share, &of(earlier)[plane]);
-            }
+        for (direction, share) in self.directions().zip(shares) {
+            add_each(&mut sum, share, of(direction));
         }
         sum
     }
@@ -174,23 +180,51 @@ impl<'a> Basis<'a> {
     /// Takes A x out of `b`, of the combination x that leaves the least of it; adds `factor` x to `radiance`, and as
     /// much of C x to `chains`.
     pub fn take(&self, b: &mut [f32], factor: f64, radiance: &mut [f32], chains: &mut ChainFlow) {
-        let n = self.weight.len().max(1);
-        let shares = self.shares(b);
-        for ((earlier, image), share) in self.earlier.iter().zip(&self.images).zip(&shares) {
+        for ((direction, image), share) in self.directions().zip(&self.images).zip(self.span.shares(b)) {
             let scaled: Vec<f64> = share.iter().map(|share| factor * share).collect();
-            chains.add_scaled(&earlier.chains, &scaled);
-            for k in 0..share.len() {
-                let plane = k * n..(k + 1) * n;
-                add(&mut radiance[plane.clone()], scaled[k], &earlier.radiance[plane.clone()]);
-                add(&mut b[plane.clone()], -share[k], &image[plane]);
-            }
+            let taken: Vec<f64> = share.iter().map(|share| -share).collect();
+            chains.add_scaled(&direction.chains, &scaled);
+            add_each(radiance, &scaled, &direction.radiance);
+            add_each(b, &taken, image);
         }
+    }
+
+    /// What specular chains make of `x` as far as that is known: the combination of directions that specular points see as
+    /// nearly the same.
+    pub fn follow(&self, x: &[f32]) -> Followed {
+        Followed { shares: self.seen.shares(x) }
     }
 }
 
-/// x += factor y.
-fn add(x: &mut [f32], factor: f64, y: &[f32]) {
-    x.iter_mut().zip(y).for_each(|(x, &y)| *x = (f64::from(*x) + factor * f64::from(y)) as f32);
+/// A combination of the directions of a [`Basis`].
+pub struct Followed {
+    shares: Vec<Vec<f64>>,
+}
+
+impl Followed {
+    /// Adds C of it to an irradiance.
+    pub fn irradiance(&self, basis: &Basis, sum: &mut [f32]) {
+        for (direction, share) in basis.directions().zip(&self.shares) {
+            add_each(sum, share, &direction.chains.irradiance);
+        }
+    }
+
+    /// Adds C of it.
+    pub fn chains(&self, basis: &Basis, sum: &mut ChainFlow) {
+        for (direction, share) in basis.directions().zip(&self.shares) {
+            sum.add_scaled(&direction.chains, share);
+        }
+    }
+
+    /// What it leaves of `x`.
+    pub fn left(&self, basis: &Basis, x: &[f32]) -> Vec<f32> {
+        let mut left = x.to_vec();
+        for (direction, share) in basis.directions().zip(&self.shares) {
+            let taken: Vec<f64> = share.iter().map(|share| -share).collect();
+            add_each(&mut left, &taken, &direction.radiance);
+        }
+        left
+    }
 }
 
 /// A hash of all that what surfaces do specularly depends on.
