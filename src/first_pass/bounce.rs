@@ -105,7 +105,7 @@ impl Bounce<'_> {
         if groups == 0 && self.state.is_some() {
             return Outgoing { radiance, entered: Vec::new(), medium: Vec::new(), strength: Vec::new() };
         }
-        let Incoming { light, mut entered, mut medium } = self.incoming(s);
+        let Incoming { mut light, mut entered, mut medium } = self.incoming(s);
         let mut strength = self.lights.map_or_else(|| vec![0.0; w], |lights| lights.on(s, w).0);
         if self.state.is_none() {
             for light in light.chunks_exact(w) {
@@ -119,16 +119,17 @@ impl Bounce<'_> {
         }
         if let Some(material) = self.set.material(point) {
             let (lobe, table) = (&point.reflection, reflectance(point, material));
-            let sent = scaled(lobe, w, &light);
-            let out = reflect((point.nodes.as_ref(), &point.rows, table), lobe, w, &sent, groups);
-            rescale(lobe, w, 1.0, &out, &mut radiance);
             spread(lobe, table, w, &light, &mut radiance);
+            scale(lobe, w, &mut light);
+            let out = reflect((point.nodes.as_ref(), &point.rows, table), lobe, w, &light, groups);
+            rescale(lobe, w, 1.0, &out, &mut radiance);
             if let (Some(twin), Some(table), Some(to)) = (point.twin, &material.transmit, &point.transmission)
                 && let twin = twin as usize
                 && let (Some(from), Some(rows)) =
                     (&self.set.points[twin].transmission, &self.set.points[twin].through)
             {
-                let light = self.incoming(twin).light;
+                let mut light = self.incoming(twin).light;
+                scale(from, w, &mut light);
                 let mut out = vec![[0.0; LANES]; groups * w];
                 wide(Pass {
                     rows,
@@ -138,7 +139,7 @@ impl Bounce<'_> {
                     count: light.len() / w * LANES,
                     groups,
                     w,
-                    light: &scaled(from, w, &light),
+                    light: &light,
                     out: &mut out,
                 });
                 // Radiance over n² is what stays the same across the boundary; inside elements
@@ -189,15 +190,13 @@ pub(super) fn reflect(
     out
 }
 
-/// Light times the scale factors of where it comes from.
-fn scaled(from: &Directions, w: usize, light: &[Lanes]) -> Vec<Lanes> {
-    let mut scaled = light.to_vec();
-    for (light, u) in scaled.chunks_exact_mut(w).zip(&from.scale) {
+/// Multiplies light by the scale factors of where it comes from.
+fn scale(from: &Directions, w: usize, light: &mut [Lanes]) {
+    for (light, u) in light.chunks_exact_mut(w).zip(&from.scale) {
         for light in light {
             (0..LANES).for_each(|lane| light[lane] *= from.gain * u[lane]);
         }
     }
-    scaled
 }
 
 /// Adds what came through a lobe, times the scale factors of where it goes and times `factor`.

@@ -265,27 +265,19 @@ impl HotLoop for Pass<'_> {
     #[inline(always)]
     fn run(self) {
         let Pass { rows, table, from, to, w, light, out, groups, .. } = self;
-        let (mut scratch, mut shares) = (Entries::default(), Vec::new());
+        let mut scratch = Entries::default();
         // What comes back to the directions of a group, to be summed over the lanes.
         let mut back = vec![[0.0f32; LANES]; LANES * w];
         let count = self.count.min(from.len);
         for l in 0..count {
             let row = rows.row(from, to, (l, groups), &mut scratch);
-            shares.resize(row.groups.len() * w, [0.0; LANES]);
-            for ((shares, b), angle) in shares.chunks_exact_mut(w).zip(row.b).zip(row.angle) {
-                let at = table.slots(&angle.map(|angle| f32::from(angle) / STEPS));
-                for (band, shares) in shares.chunks_mut(BAND).enumerate() {
-                    let found = table.shares(b, &at, band);
-                    shares.copy_from_slice(&found[..shares.len()]);
-                }
-            }
             for first in (0..w).step_by(BAND) {
                 let at = (l, first, w);
                 match w - first {
-                    1 => pass::<1>(out, light, rows.half, at, row.groups, &shares, &mut back),
-                    2 => pass::<2>(out, light, rows.half, at, row.groups, &shares, &mut back),
-                    3 => pass::<3>(out, light, rows.half, at, row.groups, &shares, &mut back),
-                    _ => pass::<BAND>(out, light, rows.half, at, row.groups, &shares, &mut back),
+                    1 => pass::<1>(out, light, rows.half, at, row, table, &mut back),
+                    2 => pass::<2>(out, light, rows.half, at, row, table, &mut back),
+                    3 => pass::<3>(out, light, rows.half, at, row, table, &mut back),
+                    _ => pass::<BAND>(out, light, rows.half, at, row, table, &mut back),
                 }
             }
             if rows.half && (l % LANES == LANES - 1 || l + 1 == count) {
@@ -308,17 +300,18 @@ fn pass<const K: usize>(
     light: &[Lanes],
     half: bool,
     (l, first, w): (usize, usize, usize),
-    groups: &[u32],
-    shares: &[Lanes],
+    row: Row,
+    table: &LobeTable,
     back: &mut [Lanes],
 ) {
     let (own, known) = (l / LANES, light.len() / w);
     let mine: [f32; K] =
         std::array::from_fn(|k| if own < known { light[own * w + first + k][l % LANES] } else { 0.0 });
     let mut sum = [[0.0f32; LANES]; K];
-    for (&g, shares) in groups.iter().zip(shares.chunks_exact(w)) {
+    for ((&g, b), angle) in row.groups.iter().zip(row.b).zip(row.angle) {
         let g = g as usize;
-        let Some(shares) = shares[first..].first_chunk::<K>() else { continue };
+        let slots = table.slots(&angle.map(|angle| f32::from(angle) / STEPS));
+        let shares = table.shares(b, &slots, first / BAND);
         let Some(out) = out[g * w + first..].first_chunk_mut::<K>() else { continue };
         for k in 0..K {
             for lane in 0..LANES {
