@@ -1,6 +1,6 @@
 //! The complete iterative solution of a [`System`]. Where nothing is specular it is GMRES; else generalized conjugate
-//! residuals on the whole of it, with its diffuse part solved as preconditioner, since a sweep costs less than a round of
-//! specular chains.
+//! residuals on the whole of it, with its diffuse part, and what is known of chains, solved as preconditioner, since a sweep
+//! costs less than a round of specular chains.
 
 use super::flow::ChainFlow;
 use super::gmres::{self, Outcome};
@@ -14,6 +14,8 @@ use std::f64::consts::PI;
 
 /// How much of the residual a step may leave at first.
 const LOOSE: f64 = 0.3;
+/// No more lamps than these are each solved for, where that is to be recalled.
+const MOST_LAMPS: usize = 4;
 /// How much of what may be left is aimed at.
 const ENOUGH: f64 = 0.8;
 /// How many times the goal the flux may be that is not followed.
@@ -126,7 +128,20 @@ impl Search<'_, '_> {
         let Search { system, settings, .. } = *self;
         let mut known = self.known(recalled);
         let turned = self.turned();
-        for round in 0..settings.max_sweeps {
+        let mut before = 0;
+        // Light of single lamps is known to later appearances from the first on.
+        let lamps = if settings.recall && self.basis.is_empty() { system.lamps() } else { Vec::new() };
+        if (2..=MOST_LAMPS).contains(&lamps.len()) {
+            for lamp in lamps {
+                let all = std::mem::replace(&mut self.residual, lamp);
+                let (step, _) = self.step(&mut known, &turned);
+                self.residual = all;
+                known = self.follow(step, known);
+                before += 1;
+            }
+            self.basis.take(&mut self.residual, 1.0, &mut self.x, &mut self.chains);
+        }
+        for round in before..settings.max_sweeps {
             let left = self.sizes(&self.residual);
             if self.is_enough(left.iter().copied()) {
                 return Ok((round, None));
@@ -141,15 +156,20 @@ impl Search<'_, '_> {
                 self.end(&step);
                 return Ok((round, Some(step)));
             }
-            let chains = system.specular.apply(system.points, &step.x, &settings.chain);
-            let back = system.reflected(&chains.irradiance);
-            let image =
-                system.absorbed(&step.x, &step.diffuse).iter().zip(&back).map(|(x, b)| x - b).collect();
-            self.basis.add(Direction { radiance: step.x, diffuse: step.diffuse, chains }, image);
+            known = self.follow(step, known);
             self.basis.take(&mut self.residual, 1.0, &mut self.x, &mut self.chains);
-            known = self.known(known.into_vectors());
         }
         Err(unfinished(settings))
+    }
+
+    /// Follows what chains make of a step, which becomes a direction of the basis. What was `known` then is of another C.
+    fn follow(&mut self, step: Vectors, known: Known) -> Known {
+        let (system, limits) = (self.system, &self.settings.chain);
+        let chains = system.specular.apply(system.points, &step.x, limits);
+        let back = system.reflected(&chains.irradiance);
+        let image = system.absorbed(&step.x, &step.diffuse).iter().zip(&back).map(|(x, b)| x - b).collect();
+        self.basis.add(Direction { radiance: step.x, diffuse: step.diffuse, chains }, image);
+        self.known(known.into_vectors())
     }
 
     /// The size of a residual, by wavelength.
@@ -233,12 +253,15 @@ impl Search<'_, '_> {
     /// within `most`; 1 where it has.
     fn share(&self, step: &Vectors, most: &[f64]) -> f64 {
         let n = self.system.points.len();
-        let norm = |v: &[f32]| gmres::inner(self.norms[0], v, v).sqrt();
-        let planes = self.residual.chunks(n).zip(step.image.chunks(n)).zip(self.sizes(&step.image));
-        let share = |(((b, rest), left), most): (((&[f32], &[f32]), f64), &f64)| {
-            if left > *most { ENOUGH * norm(rest) / norm(b) * most / left } else { 1.0 }
+        let norm = |v: &[f32], k: usize| {
+            let plane = &v[k * n..(k + 1) * n];
+            gmres::inner(self.norms[0], plane, plane).sqrt()
         };
-        planes.zip(most).map(share).fold(1.0, f64::min)
+        let share = |(k, (left, most)): (usize, (f64, &f64))| {
+            let share = norm(&step.image, k) / norm(&self.residual, k);
+            if left > *most { ENOUGH * share * most / left } else { 1.0 }
+        };
+        self.sizes(&step.image).into_iter().zip(most).enumerate().map(share).fold(1.0, f64::min)
     }
 
     /// The largest share of what falls on specular points that is ever reflected diffusely after its first reflection, by

@@ -5,6 +5,7 @@
 //! out of specular chains, start from there.
 
 use super::gmres::inner;
+use super::span::add;
 use rayon::prelude::*;
 
 /// What is less than this share of an image is rounding: of one that was just found, and of one that may be made of others.
@@ -55,11 +56,6 @@ impl Plane<'_> {
     fn size(&self, weight: &[f32]) -> f64 {
         inner(weight, self.image, self.image).sqrt()
     }
-}
-
-/// x += factor y.
-fn add(x: &mut [f32], factor: f64, y: &[f32]) {
-    x.iter_mut().zip(y).for_each(|(x, &y)| *x += (factor * f64::from(y)) as f32);
 }
 
 /// Directions of which all is known; the images are orthonormal.

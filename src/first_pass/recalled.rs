@@ -3,8 +3,9 @@
 //! D x is known of every earlier solution x and of the directions in which it was searched, whatever was emitted and
 //! reflected then. As long as lobes and Fresnel's factors stay as they are so is C x, and with both A x = x - ρ/π (D + C) x
 //! for the reflectances of now: the best combination of them costs no sweep and no bounce, and only what it leaves over is
-//! still to be solved. Where lamps change their power it is all. When something specular has changed, the combination that
-//! was best with the old C takes one round of the new one.
+//! still to be solved. Where lamps change their power it is all, or nearly all. When something specular has changed, the
+//! combination that was best with the old C takes one round of the new one. What chains make of any other light is known
+//! as far as specular points see the same of it as of some combination.
 
 use super::flow::ChainFlow;
 use super::span::{Span, add_each};
@@ -145,6 +146,11 @@ impl<'a> Basis<'a> {
         self.seen.add(x.to_vec());
         self.span.add(image.clone());
         self.images.push(image);
+    }
+
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.images.is_empty()
     }
 
     /// Adds a direction and its image.

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 /// How much of the tolerance the solution is stopped at: recurrences in `f32` drift.
@@ -28,6 +29,8 @@ pub struct System<'a> {
     pub specular: SpecularSet,
     /// L^E, `[W][N]`.
     pub emission: Vec<f32>,
+    /// The material of each point.
+    material: Vec<u32>,
     /// What point lights bring.
     pub lights: PointLighting,
     /// The chains that start with it.
@@ -104,7 +107,8 @@ impl<'a> System<'a> {
         };
         let passes = |i: usize| appearance.of(points.surface[i]).lets_through();
         let rooms = Rooms::new(points, graph, tolerance, passes, kept.rooms);
-        System { points, diffuse, specular, emission, lights, light_chains, response, rooms }
+        let material = points.surface.iter().map(|s| appearance.surface_material[s.index()].0).collect();
+        System { points, diffuse, specular, emission, material, lights, light_chains, response, rooms }
     }
 
     /// What the next appearance may use again.
@@ -137,6 +141,18 @@ impl<'a> System<'a> {
             sources.iter_mut().zip(self.reflected(irradiance)).for_each(|(l, r)| *l += r);
         }
         sources
+    }
+
+    /// L^E of each material that emits, by itself.
+    pub(super) fn lamps(&self) -> Vec<Vec<f32>> {
+        let n = self.points.len();
+        let emits = |i: usize| self.emission.iter().skip(i).step_by(n).any(|l| *l > 0.0);
+        let lamps: BTreeSet<u32> = (0..n).filter(|&i| emits(i)).map(|i| self.material[i]).collect();
+        let only = |lamp: u32| {
+            let of = |(at, l): (usize, &f32)| if self.material[at % n] == lamp { *l } else { 0.0 };
+            self.emission.iter().enumerate().map(of).collect()
+        };
+        lamps.into_iter().map(only).collect()
     }
 
     /// Flux of surfaces and lights together, W nm⁻¹: `[W]`.
