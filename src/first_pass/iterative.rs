@@ -18,6 +18,8 @@ const LOOSE: f64 = 0.3;
 const MOST_LAMPS: usize = 4;
 /// How much of what may be left is aimed at.
 const ENOUGH: f64 = 0.8;
+/// The least of the goal that is ever left to a step: to less it would go on and on.
+const ROOM: f64 = 0.1;
 /// How many times the goal the flux may be that is not followed.
 const MOST_CUT: f64 = 2.0;
 
@@ -166,9 +168,9 @@ impl Search<'_, '_> {
     fn follow(&mut self, step: Vectors, known: Known) -> Known {
         let (system, limits) = (self.system, &self.settings.chain);
         let chains = system.specular.apply(system.points, &step.x, limits);
-        let back = system.reflected(&chains.irradiance);
-        let image = system.absorbed(&step.x, &step.diffuse).iter().zip(&back).map(|(x, b)| x - b).collect();
-        self.basis.add(Direction { radiance: step.x, diffuse: step.diffuse, chains }, image);
+        let direction = Direction { radiance: step.x, diffuse: step.diffuse, chains };
+        let image = system.absorbed(&direction.radiance, &direction.irradiance());
+        self.basis.add(direction, image);
         self.known(known.into_vectors())
     }
 
@@ -218,15 +220,13 @@ impl Search<'_, '_> {
         loop {
             let step = self.diffuse_step(known, goal);
             let (left, unfollowed) = (self.sizes(&step.image), self.unfollowed(&step.x));
-            let mut most: Vec<f64> =
-                unfollowed.iter().zip(turned).map(|(flux, turned)| turned * flux).collect();
-            if self.is_enough(unfollowed.iter().map(|flux| flux / MOST_CUT))
-                && self.is_enough(most.iter().copied())
-            {
-                most = self.goals.iter().zip(&most).map(|(goal, more)| goal - more).collect();
-                if left.iter().zip(&most).all(|(left, most)| left <= most) {
-                    return (step, true);
-                }
+            let more: Vec<f64> = unfollowed.iter().zip(turned).map(|(flux, turned)| turned * flux).collect();
+            let ends = self.is_enough(unfollowed.iter().map(|flux| flux / MOST_CUT))
+                && self.is_enough(more.iter().map(|more| more / (1.0 - ROOM)));
+            let most = |(more, goal): (&f64, &f64)| if ends { goal - more } else { more.max(ROOM * goal) };
+            let most: Vec<f64> = more.iter().zip(&self.goals).map(most).collect();
+            if ends && left.iter().zip(&most).all(|(left, most)| left <= most) {
+                return (step, true);
             }
             let stuck = left.iter().zip(&before).all(|(left, before)| left >= before);
             goal = self.share(&step, &most);

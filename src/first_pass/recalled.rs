@@ -41,8 +41,8 @@ pub struct Direction {
 }
 
 impl Direction {
-    /// (D + C) x.
-    fn irradiance(&self) -> Vec<f32> {
+    /// (D + C) x, W m⁻² nm⁻¹.
+    pub fn irradiance(&self) -> Vec<f32> {
         let mut sum = self.diffuse.clone();
         sum.iter_mut().zip(&self.chains.irradiance).for_each(|(e, more)| *e += more);
         sum

@@ -57,6 +57,15 @@ fn mirrors_and_glossy_chairs_ask_for_few_more_sweeps() {
 }
 
 #[test]
+fn a_wavelength_that_nothing_reflects_asks_for_no_more_sweeps() {
+    let mut scene = shiny_room();
+    scene.appearance.materials.iter_mut().for_each(|material| material.diffuse[0] = 0.0);
+    let stats = scene.solve(&FirstPassSettings { tolerance: 1e-3, ..Default::default() }).unwrap().stats;
+    println!("{} sweeps, {} rounds, residual {:.1e}", stats.sweeps, stats.rounds, stats.residual);
+    assert!(stats.sweeps <= 14.0 && stats.residual <= 1e-3, "{stats:?}");
+}
+
+#[test]
 fn chains_cost_what_specular_points_and_their_lobes_ask_for() {
     let scene = shiny_room();
     let settings = FirstPassSettings::default();
