@@ -21,21 +21,25 @@ impl Aabb {
     }
 
     /// The smallest box around both.
+    #[inline]
     pub fn union(self, other: Aabb) -> Self {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// The middle.
+    #[inline]
     pub fn centre(&self) -> DVec3 {
         0.5 * (self.min + self.max)
     }
 
     /// Edge lengths.
+    #[inline]
     pub fn size(&self) -> DVec3 {
         self.max - self.min
     }
 
     /// Whether `p` lies inside or on the boundary.
+    #[inline]
     pub fn contains(&self, p: DVec3) -> bool {
         p.cmpge(self.min).all() && p.cmple(self.max).all()
     }

@@ -38,12 +38,14 @@ impl Default for GraphSettings {
 /// Edges decided between two joins of the threads: enough to share, few enough to hold.
 const CHUNK: usize = 4096;
 
-/// Edges between so many voxels and as many others are decided one after the other: how their points lie against surfaces
+/// Edges between so many voxels and so many others are decided one after the other: how their points lie against surfaces
 /// is found once for all of them.
-const NEAR: usize = 4;
+const NEAR: [usize; 2] = [4, 8];
 
-/// No thread takes more edges at a time.
-const TASK: usize = 4 * NEAR * NEAR;
+/// Each thread takes about so many times edges from a chunk, but no more and no fewer than this at a time: what is known of
+/// their points is found anew each time.
+const TURNS: usize = 8;
+const TASK: [usize; 2] = [32, 256];
 
 /// What all threads share while a graph is built.
 pub(super) struct Build<'a> {
@@ -165,8 +167,10 @@ impl<'a> Build<'a> {
             let mut order: Vec<usize> = (0..chunk.len()).collect();
             order.sort_unstable_by_key(|&k| {
                 let (a, b) = chunk[k];
-                (b / NEAR, a / NEAR, b, a)
+                (b / NEAR[1], a / NEAR[0], b, a)
             });
+            let size = chunk.len() / (TURNS * rayon::current_num_threads());
+            let size = size.clamp(TASK[0], TASK[1]);
             let task = |task: &[usize]| {
                 let mut block = pool().pop().unwrap_or_default();
                 let decide = |&k: &usize| {
@@ -179,7 +183,7 @@ impl<'a> Build<'a> {
                 pool().push(block);
                 decided
             };
-            let decided: Vec<_> = order.par_chunks(TASK).with_max_len(1).map(task).collect();
+            let decided: Vec<_> = order.par_chunks(size).with_max_len(1).map(task).collect();
             let mut decided: Vec<(usize, VoxelPair)> = decided.into_iter().flatten().collect();
             decided.sort_unstable_by_key(|(k, _)| *k);
             for (_, pair) in decided {

@@ -205,14 +205,22 @@ impl<'a> PairWork<'a> {
         let all = self.open.len();
         let (a, b) = (build.around(&rows), build.around(&columns));
         let flat = build.is_flat(&rows) && build.is_flat(&columns);
-        self.open_candidates(&rows, &columns, [&a, &b], flat);
-        let candidates = all..self.open.len();
+        let whole = self.is_whole(&rows, &columns);
+        if !whole {
+            self.open_candidates(&rows, &columns, [&a, &b], flat);
+        }
+        let candidates = if whole { 0..all } else { all..self.open.len() };
         if flat {
             self.decide_block(rows, columns, candidates, a.union(b).size().length());
         } else {
             self.patch_by_patch(&rows, &columns, candidates);
         }
         self.open.truncate(all);
+    }
+
+    /// Whether these are all points of both voxels, so that it is known what may block.
+    pub fn is_whole(&self, rows: &Range<usize>, columns: &Range<usize>) -> bool {
+        *rows == self.rows && *columns == self.columns
     }
 
     /// Adds to the stack those of its surfaces that may block between some points of either voxel, given the boxes around

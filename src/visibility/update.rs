@@ -271,11 +271,14 @@ impl<'a> Update<'a> {
             return;
         }
         // What is too close to call must not depend on the way: rays where a build from nothing would cast them.
-        if !pays(work.open.len(), work.block.points(), facing) {
-            let all = work.open.len();
-            work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
-            let candidates = work.open.len() - all;
-            work.open.truncate(all);
+        let all = work.open.len();
+        if !pays(all, work.block.points(), facing) {
+            let mut candidates = all;
+            if !work.is_whole(&a.points, &b.points) {
+                work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
+                candidates = work.open.len() - all;
+                work.open.truncate(all);
+            }
             if !pays(candidates, work.block.points(), facing) {
                 return work.push_open();
             }
