@@ -11,8 +11,8 @@ test: system-packages
 
 lint: system-packages
 	cargo fmt --check
-	cargo clippy --all-targets -- -D warnings
-	cargo clippy --all-targets $(EMBREE) -- -D warnings
+	cargo clippy --release --all-targets -- -D warnings
+	cargo clippy --release --all-targets $(EMBREE) -- -D warnings
 
 ci:
 	.ci/run
