@@ -252,16 +252,16 @@ impl Fit {
 }
 
 /// Solves a symmetric, positive system by elimination.
-fn solve(mut a: [[f64; TERMS]; TERMS], mut b: [f64; TERMS]) -> [f64; TERMS] {
-    for k in 0..TERMS {
-        for i in k + 1..TERMS {
+pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
+    for k in 0..N {
+        for i in k + 1..N {
             let factor = a[i][k] / a[k][k];
-            (k..TERMS).for_each(|j| a[i][j] -= factor * a[k][j]);
+            (k..N).for_each(|j| a[i][j] -= factor * a[k][j]);
             b[i] -= factor * b[k];
         }
     }
-    for k in (0..TERMS).rev() {
-        let known: f64 = (k + 1..TERMS).map(|j| a[k][j] * b[j]).sum();
+    for k in (0..N).rev() {
+        let known: f64 = (k + 1..N).map(|j| a[k][j] * b[j]).sum();
         b[k] = (b[k] - known) / a[k][k];
     }
     b

@@ -30,10 +30,10 @@ fn by_nodes(rows: &Rows, nodes: &Nodes, members: &Directions, x: &[f32]) -> Vec<
     let light = nodes.gather(1, &weighted(members, Some(x)));
     let sums = rows.product(&nodes.directions, &nodes.directions, None, &light);
     let mut lanes = vec![[0.0; LANES]; nodes.directions.groups()];
-    sums.iter().enumerate().for_each(|(p, sum)| lanes[p / LANES][p % LANES] = *sum);
+    lanes.as_flattened_mut()[..sums.len()].copy_from_slice(&sums);
     let sums = nodes.scatter(1, members.groups(), &lanes);
-    let scales = members.scale.iter().flatten();
-    sums.iter().flatten().zip(scales).map(|(sum, u)| sum * u).take(members.len).collect()
+    let (sums, scales) = (sums.as_flattened(), members.scale.as_flattened());
+    sums[..members.len].iter().zip(scales).map(|(sum, u)| sum * u).collect()
 }
 
 /// Weight times scale of every direction, times `x`.
@@ -41,9 +41,7 @@ pub(super) fn weighted(directions: &Directions, x: Option<&[f32]>) -> Vec<Lanes>
     let mut product: Vec<Lanes> = (directions.weight.iter().zip(&directions.scale))
         .map(|(w, u)| std::array::from_fn(|lane| w[lane] * u[lane]))
         .collect();
-    for (l, x) in x.into_iter().flatten().enumerate() {
-        product[l / LANES][l % LANES] *= x;
-    }
+    product.as_flattened_mut().iter_mut().zip(x.into_iter().flatten()).for_each(|(product, x)| *product *= x);
     product
 }
 
