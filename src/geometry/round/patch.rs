@@ -287,6 +287,7 @@ impl Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rayon::prelude::*;
 
     /// A hill, a fold that overhangs, and a cap of which one edge is a point.
     pub(crate) fn patches() -> [Patch; 3] {
@@ -402,7 +403,7 @@ mod tests {
                     assert!(patch.point_at(uv.x, uv.y).distance(ray.at(*t)) < 1e-9);
                 }
                 let hits = mesh
-                    .iter()
+                    .par_iter()
                     .filter(|t| crate::tracers::brute_force::intersect_triangle(&ray, t).is_some());
                 other += usize::from(hits.count() != found.len());
                 met += found.len();
