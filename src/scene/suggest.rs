@@ -7,12 +7,12 @@ pub fn nearest<'a>(given: &str, candidates: impl IntoIterator<Item = &'a str>) -
     (best.0 <= 1 + given.chars().count().min(64) / 4).then_some(best.1)
 }
 
-/// "unknown WHAT `given`; did you mean `x`? There are: a, b, c".
+/// "unknown WHAT "given"; did you mean "x"? (known: x, y, z)".
 pub fn unknown(what: &str, given: &str, candidates: &[&str]) -> String {
     let meant = nearest(given, candidates.iter().copied());
     let meant = meant.map_or(String::new(), |m| format!("; did you mean \"{m}\"?"));
     let list = match candidates {
-        [] => "there is none yet".to_owned(),
+        [] => format!("no {what} is defined"),
         _ if candidates.len() > 40 => format!("known: {} and more", candidates[..40].join(", ")),
         _ => format!("known: {}", candidates.join(", ")),
     };
@@ -60,5 +60,9 @@ mod tests {
         assert_eq!(nearest("Gold", ["gold", "silver"]), Some("gold"));
         assert_eq!(nearest("plastic", ["gold", "silver"]), None);
         assert_eq!(distance("kitten", "sitting"), 3);
+        let known = ["gold", "silver"];
+        let said = r#"unknown material "sliver"; did you mean "silver"? (known: gold, silver)"#;
+        assert_eq!(unknown("material", "sliver", &known), said);
+        assert_eq!(unknown("material", "nix", &[]), r#"unknown material "nix" (no material is defined)"#);
     }
 }
