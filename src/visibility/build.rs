@@ -42,9 +42,10 @@ const CHUNK: usize = 4096;
 /// is found once for all of them.
 const NEAR: [usize; 2] = [4, 8];
 
-/// Each thread takes about so many times edges from a chunk, but no more and no fewer than this at a time: what is known of
-/// their points is found anew each time.
+/// Each thread takes edges from a chunk about so many times, so that none waits long for the last,
 const TURNS: usize = 8;
+
+/// but no fewer and no more of them at a time: what is known of their points is found anew each time.
 const TASK: [usize; 2] = [32, 256];
 
 /// What all threads share while a graph is built.

@@ -205,11 +205,7 @@ impl<'a> PairWork<'a> {
         let all = self.open.len();
         let (a, b) = (build.around(&rows), build.around(&columns));
         let flat = build.is_flat(&rows) && build.is_flat(&columns);
-        let whole = self.is_whole(&rows, &columns);
-        if !whole {
-            self.open_candidates(&rows, &columns, [&a, &b], flat);
-        }
-        let candidates = if whole { 0..all } else { all..self.open.len() };
+        let candidates = self.open_candidates(&rows, &columns, [&a, &b], flat);
         if flat {
             self.decide_block(rows, columns, candidates, a.union(b).size().length());
         } else {
@@ -218,24 +214,25 @@ impl<'a> PairWork<'a> {
         self.open.truncate(all);
     }
 
-    /// Whether these are all points of both voxels, so that it is known what may block.
-    pub fn is_whole(&self, rows: &Range<usize>, columns: &Range<usize>) -> bool {
-        *rows == self.rows && *columns == self.columns
-    }
-
     /// Adds to the stack those of its surfaces that may block between some points of either voxel, given the boxes around
-    /// them; where the pairs are `flat`, no more than pay.
+    /// them; where the pairs are `flat`, no more than pay. Returns where they are.
     pub fn open_candidates(
         &mut self,
         rows: &Range<usize>,
         columns: &Range<usize>,
         [a, b]: [&Aabb; 2],
         flat: bool,
-    ) {
+    ) -> Range<usize> {
+        let all = self.open.len();
+        // Between all points of both voxels it is known already.
+        if *rows == self.rows && *columns == self.columns {
+            return 0..all;
+        }
         let (points, pairs) = (rows.len() + columns.len(), (rows.len() * columns.len()) as u64);
         // More than this are too many to be tested, whichever they are.
         let most = if flat { POINTS_FOR_A_RAY * pairs / points as u64 } else { u64::MAX };
         self.open_between([a, b], most as usize);
+        all..self.open.len()
     }
 
     /// Adds to the stack those of its surfaces that may block between two boxes, until there are more than `most`.

@@ -273,13 +273,9 @@ impl<'a> Update<'a> {
         // What is too close to call must not depend on the way: rays where a build from nothing would cast them.
         let all = work.open.len();
         if !pays(all, work.block.points(), facing) {
-            let mut candidates = all;
-            if !work.is_whole(&a.points, &b.points) {
-                work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
-                candidates = work.open.len() - all;
-                work.open.truncate(all);
-            }
-            if !pays(candidates, work.block.points(), facing) {
+            let candidates = work.open_candidates(&a.points, &b.points, [&a.bounds, &b.bounds], true);
+            work.open.truncate(all);
+            if !pays(candidates.len(), work.block.points(), facing) {
                 return work.push_open();
             }
         }
