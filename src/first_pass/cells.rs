@@ -39,16 +39,12 @@ const PAYS: f32 = 0.7;
 const WIDTH: f32 = 2.0;
 
 /// Some directions and the nodes that stand for them.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Cell {
-    /// The directions.
-    pub members: Vec<u32>,
-    /// How each is made up of the nodes: shares along both sides.
-    pub shares: Vec<[[f32; SIDE]; 2]>,
+    /// Number of its directions.
+    pub members: usize,
     /// Nodes along both sides.
     pub count: [usize; 2],
-    /// The nodes, `[count[0]][count[1]]`.
-    pub nodes: Vec<Direction>,
 }
 
 /// What becomes of a set of directions.
@@ -56,6 +52,12 @@ pub struct Cell {
 pub struct Division {
     /// Cells.
     pub cells: Vec<Cell>,
+    /// The directions of all cells, one cell after the other,
+    pub members: Vec<u32>,
+    /// and how each is made up of the nodes: shares along both sides.
+    pub shares: Vec<[[f32; SIDE]; 2]>,
+    /// The nodes of all cells, `[count[0]][count[1]]` of each.
+    pub nodes: Vec<Direction>,
     /// Directions that are their own nodes.
     pub single: Vec<u32>,
 }
@@ -80,16 +82,18 @@ impl Place {
 /// lobe's height.
 pub fn divide(all: &Directions, range: std::ops::Range<usize>, tolerance: f32) -> Division {
     let mut division = Division::default();
-    let shown = range.map(|member| (member, all.get(member))).filter(|(_, d)| d.to[2] > 0.0);
-    let (top, low): (Vec<_>, Vec<_>) = shown.partition(|(_, d)| d.to[2] >= TOP);
-    for (polar, list) in [(false, top), (true, low)] {
-        let place = |(member, d): (usize, Direction)| {
-            let [x, y, z] = d.to;
-            let at = if polar { [y.atan2(x), z.min(1.0).acos()] } else { [x, y] };
-            Place { member: member as u32, at, z, rough: d.rough }
-        };
-        let places: Vec<Place> = list.into_iter().map(place).collect();
-        Divider { m2: all.origin.m2, tolerance, polar, division: &mut division }.divide(&places);
+    let mut places = [Vec::new(), Vec::new()];
+    for member in range {
+        let d = all.get(member);
+        let [x, y, z] = d.to;
+        if z > 0.0 {
+            let polar = z < TOP;
+            let at = if polar { [y.atan2(x), z.acos()] } else { [x, y] };
+            places[usize::from(polar)].push(Place { member: member as u32, at, z, rough: d.rough });
+        }
+    }
+    for (polar, places) in [false, true].into_iter().zip(&mut places) {
+        Divider { m2: all.origin.m2, tolerance, polar, division: &mut division }.divide(places);
     }
     division
 }
@@ -103,17 +107,15 @@ struct Divider<'a> {
 }
 
 impl Divider<'_> {
-    fn divide(&mut self, places: &[Place]) {
-        if places.is_empty() {
-            return;
-        }
-        let [low, high] = bounds(places, |p| p.at);
-        let wide = [0, 1].map(|axis| 0.5 * (high[axis] - low[axis]));
-        let deviation = self.deviation(places);
-        let nodes = [0, 1].map(|axis| self.nodes_for(wide[axis] / deviation[axis]));
+    fn divide(&mut self, places: &mut [Place]) {
         if places.len() as f32 * PAYS <= 1.0 {
             return self.keep(places);
         }
+        let bounds = Bounds::new(places);
+        let Bounds { low, high, .. } = bounds;
+        let wide = [0, 1].map(|axis| 0.5 * (high[axis] - low[axis]));
+        let deviation = self.deviation(&bounds);
+        let nodes = [0, 1].map(|axis| self.nodes_for(wide[axis] / deviation[axis]));
         let [Some(a), Some(b)] = nodes else {
             let axis = usize::from(wide[1] / deviation[1] > wide[0] / deviation[0]);
             return self.split(places, 0.5 * (low[axis] + high[axis]), |p| p.at[axis]);
@@ -125,41 +127,36 @@ impl Divider<'_> {
         let local = |p: &Place| {
             [0, 1].map(|axis| if wide[axis] > 0.0 { (p.at[axis] - middle[axis]) / wide[axis] } else { 0.0 })
         };
-        let fits = [
-            Fit::new(places.iter().map(|p| (local(p), p.rough.spread))),
-            Fit::new(places.iter().map(|p| (local(p), p.rough.blur))),
-        ];
+        let fits = Fit::new(places.iter().map(|p| (local(p), [p.rough.spread, p.rough.blur])));
         let misfit = |p: &Place| {
             let [spread, blur] = [0, 1].map(|k| fits[k].at(local(p)));
             let off = (p.rough.spread - spread).abs() + 4.0 * p.rough.blur * (p.rough.blur - blur).abs();
             off > WIDTH * self.tolerance * (self.m2 + p.own())
         };
         if places.iter().any(misfit) {
-            let [least, most] = bounds(places, |p| [p.own(); 2]).map(|own| own[0]);
+            let [least, most] = bounds.own;
             return self.split(places, 0.5 * (least + most), Place::own);
         }
-        let node = |(i, j): (usize, usize)| {
+        for (i, j) in (0..a).flat_map(|i| (0..b).map(move |j| (i, j))) {
             let local = [GAUSS[a - 1][i], GAUSS[b - 1][j]];
             let at = [0, 1].map(|axis| middle[axis] + local[axis] * wide[axis]);
             let [spread, blur] = [0, 1].map(|k| fits[k].at(local));
-            Direction { to: self.to(at), rough: Extent { spread, blur }, ..Default::default() }
-        };
-        self.division.cells.push(Cell {
-            members: places.iter().map(|p| p.member).collect(),
-            shares: places.iter().map(local).map(|[u, v]| [shares(a, u), shares(b, v)]).collect(),
-            count: [a, b],
-            nodes: (0..a).flat_map(|i| (0..b).map(move |j| (i, j))).map(node).collect(),
-        });
+            let (to, rough) = (self.to(at), Extent { spread, blur });
+            self.division.nodes.push(Direction { to, rough, ..Default::default() });
+        }
+        let Division { cells, members, shares: all, .. } = self.division;
+        cells.push(Cell { members: places.len(), count: [a, b] });
+        members.extend(places.iter().map(|p| p.member));
+        all.extend(places.iter().map(local).map(|[u, v]| [shares(a, u), shares(b, v)]));
     }
 
-    /// Deviation of the narrowest lobe of `places` along both coordinates, where it looks into the lobe's own mirror.
-    fn deviation(&self, places: &[Place]) -> [f32; 2] {
-        let m2 = self.m2 + places.iter().map(Place::own).fold(f32::MAX, f32::min);
-        let lowest = places.iter().map(|p| p.z).fold(f32::MAX, f32::min).max(LOW);
+    /// Deviation of the narrowest lobe of some places along both coordinates, where it looks into the lobe's own mirror.
+    fn deviation(&self, bounds: &Bounds) -> [f32; 2] {
+        let m2 = self.m2 + bounds.own[0];
+        let lowest = bounds.z[0].max(LOW);
         let slope = (2.0 * m2.min(1.0)).sqrt();
         if self.polar {
-            let highest = places.iter().map(|p| p.z).fold(0.0, f32::max);
-            let radius = (1.0 - highest * highest).sqrt().max(lowest);
+            let radius = (1.0 - bounds.z[1] * bounds.z[1]).sqrt().max(lowest);
             [slope * lowest / radius.max(0.1), slope.min(lowest)]
         } else {
             [slope * lowest; 2]
@@ -176,13 +173,20 @@ impl Divider<'_> {
     }
 
     /// Divides what is below `limit` and what is above apart.
-    fn split(&mut self, places: &[Place], limit: f32, key: impl Fn(&Place) -> f32) {
-        let (below, above): (Vec<Place>, Vec<Place>) = places.iter().partition(|p| key(p) < limit);
-        if below.is_empty() || above.is_empty() {
+    fn split(&mut self, places: &mut [Place], limit: f32, key: impl Fn(&Place) -> f32) {
+        let mut count = 0;
+        for i in 0..places.len() {
+            if key(&places[i]) < limit {
+                places.swap(i, count);
+                count += 1;
+            }
+        }
+        if count == 0 || count == places.len() {
             return self.keep(places);
         }
-        self.divide(&below);
-        self.divide(&above);
+        let (below, above) = places.split_at_mut(count);
+        self.divide(below);
+        self.divide(above);
     }
 
     /// The unit vector at coordinates.
@@ -196,22 +200,59 @@ impl Divider<'_> {
     }
 }
 
-/// Smallest and largest values.
-fn bounds(places: &[Place], of: impl Fn(&Place) -> [f32; 2]) -> [[f32; 2]; 2] {
-    places.iter().map(of).fold([[f32::MAX; 2], [f32::MIN; 2]], |[low, high], at| {
-        [[0, 1].map(|k| low[k].min(at[k])), [0, 1].map(|k| high[k].max(at[k]))]
-    })
+/// Smallest and largest values of some places.
+struct Bounds {
+    /// Of the coordinates.
+    low: [f32; 2],
+    high: [f32; 2],
+    /// Of the cosine,
+    z: [f32; 2],
+    /// and of what elements add to m².
+    own: [f32; 2],
+}
+
+impl Bounds {
+    fn new(places: &[Place]) -> Self {
+        let ends = [f32::MAX, f32::MIN];
+        let mut bounds = Bounds { low: [f32::MAX; 2], high: [f32::MIN; 2], z: ends, own: ends };
+        let widened = |[low, high]: [f32; 2], value: f32| [low.min(value), high.max(value)];
+        for place in places {
+            for axis in 0..2 {
+                [bounds.low[axis], bounds.high[axis]] =
+                    widened([bounds.low[axis], bounds.high[axis]], place.at[axis]);
+            }
+            bounds.z = widened(bounds.z, place.z);
+            bounds.own = widened(bounds.own, place.own());
+        }
+        bounds
+    }
 }
 
 /// Lagrange's polynomials of `n` Gauss points at `u`.
 fn shares(n: usize, u: f32) -> [f32; SIDE] {
-    let nodes = &GAUSS[n - 1][..n];
-    std::array::from_fn(|i| {
-        let Some(own) = nodes.get(i) else { return 0.0 };
-        let others = nodes.iter().enumerate().filter(|(j, _)| *j != i);
-        others.map(|(_, other)| (u - other) / (own - other)).product()
-    })
+    let mut shares = [0.0; SIDE];
+    for i in 0..n {
+        shares[i] = HEIGHTS[n - 1][i];
+        for j in (0..n).filter(|j| *j != i) {
+            shares[i] *= u - GAUSS[n - 1][j];
+        }
+    }
+    shares
 }
+
+/// What Π (u - u_j) over all Gauss points but the i-th is to be multiplied by, to be 1 at the i-th.
+const HEIGHTS: [[f32; SIDE]; SIDE] = {
+    let mut heights = [[1.0; SIDE]; SIDE];
+    let mut at = 0;
+    while at < SIDE * SIDE * SIDE {
+        let (n, i, j) = (at / (SIDE * SIDE), at / SIDE % SIDE, at % SIDE);
+        if i <= n && j <= n && i != j {
+            heights[n][i] /= GAUSS[n][i] - GAUSS[n][j];
+        }
+        at += 1;
+    }
+    heights
+};
 
 /// Coefficients of 1, u, v, u², uv and v².
 const TERMS: usize = 6;
@@ -228,21 +269,24 @@ fn terms([u, v]: [f32; 2]) -> [f64; TERMS] {
 }
 
 impl Fit {
-    fn new(values: impl Iterator<Item = ([f32; 2], f32)>) -> Self {
-        let (mut matrix, mut right) = ([[0.0; TERMS]; TERMS], [0.0; TERMS]);
-        let mut range = [f32::MAX, f32::MIN];
-        for (at, value) in values {
+    /// Of two values of each place.
+    fn new(places: impl Iterator<Item = ([f32; 2], [f32; 2])>) -> [Self; 2] {
+        let (mut matrix, mut right) = ([[0.0; TERMS]; TERMS], [[0.0; TERMS]; 2]);
+        let mut range = [[f32::MAX, f32::MIN]; 2];
+        for (at, values) in places {
             let terms = terms(at);
             for i in 0..TERMS {
-                right[i] += terms[i] * f64::from(value);
                 (0..TERMS).for_each(|j| matrix[i][j] += terms[i] * terms[j]);
             }
-            range = [range[0].min(value), range[1].max(value)];
+            for ((value, right), range) in values.into_iter().zip(&mut right).zip(&mut range) {
+                right.iter_mut().zip(terms).for_each(|(right, term)| *right += term * f64::from(value));
+                *range = [range[0].min(value), range[1].max(value)];
+            }
         }
         // A little of the identity where the places do not tell the terms apart.
         let little = 1e-9 * matrix[0][0];
         (0..TERMS).for_each(|i| matrix[i][i] += little);
-        Fit { coefficients: solve(matrix, right), range }
+        [0, 1].map(|k| Fit { coefficients: solve(matrix, right[k]), range: range[k] })
     }
 
     fn at(&self, at: [f32; 2]) -> f32 {

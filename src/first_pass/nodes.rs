@@ -2,8 +2,9 @@
 //! nodes, and from these to directions. B(l, k) becomes Σ W(l, p) B(p, q) W(k, q), which is as symmetric as B is; rows cost
 //! what nodes ask, however many directions there are.
 
-use super::cells::{Cell, Division, SIDE, divide};
+use super::cells::{Division, SIDE, divide};
 use super::directions::{Direction, Directions, LANES, Lanes, tile_order};
+use super::lobe_table::BAND;
 use crate::simd::{HotLoop, wide};
 
 /// Nodes of a cell at most.
@@ -28,14 +29,50 @@ pub struct Nodes {
 struct Part {
     /// (Direction, its node) of those that are their own.
     single: Vec<[u32; 2]>,
-    /// Cells, with the nodes of their slots.
-    cells: Vec<(Cell, [u32; SLOTS])>,
+    /// Cells, one after the other.
+    cells: Vec<Cell>,
+    /// The directions of all cells,
+    members: Vec<u32>,
+    /// and their shares of the nodes along both sides.
+    shares: Vec<[[f32; SIDE]; 2]>,
 }
 
-/// Where a node comes from.
-enum Origin {
-    Single(u32),
-    Slot(usize, usize),
+/// A cell of directions.
+#[derive(Clone, Debug)]
+struct Cell {
+    /// Where its directions end.
+    end: usize,
+    /// Nodes along both sides.
+    count: [usize; 2],
+    /// The nodes of its slots.
+    nodes: [u32; SLOTS],
+}
+
+impl Part {
+    /// Of a division, the nodes of which are appended to `list`.
+    fn new(all: &Directions, division: Division, list: &mut Vec<Direction>) -> Self {
+        let Division { cells, members, shares, nodes, single } = division;
+        let owns = single.iter().map(|&m| all.get(m as usize));
+        let nodes: Vec<Direction> = owns.chain(nodes).collect();
+        let mut order: Vec<(u32, [f32; 3])> = (0..).zip(nodes.iter().map(|n| n.to)).collect();
+        tile_order(&mut order, list.len(), |n| n.1);
+        let mut place = vec![0; nodes.len()];
+        for (node, _) in order {
+            place[node as usize] = list.len() as u32;
+            list.push(nodes[node as usize]);
+        }
+        let mut places = place.into_iter();
+        let single = single.into_iter().zip(&mut places).map(|(m, node)| [m, node]).collect();
+        let mut end = 0;
+        let cell = |cell: super::cells::Cell| {
+            end += cell.members;
+            let mut nodes = [0; SLOTS];
+            used(cell.count).zip(&mut places).for_each(|(slot, node)| nodes[slot] = node);
+            Cell { end, count: cell.count, nodes }
+        };
+        let cells = cells.into_iter().map(cell).collect();
+        Part { single, cells, members, shares }
+    }
 }
 
 impl Nodes {
@@ -47,36 +84,17 @@ impl Nodes {
         }
         let split = (links * LANES).min(all.len);
         let mut list: Vec<Direction> = Vec::new();
-        let mut parts: [Part; 2] = Default::default();
-        let mut first = 0;
-        for (part, range) in parts.iter_mut().zip([0..split, split..all.len]) {
-            let Division { cells, single } = divide(all, range, tolerance);
-            let mut nodes: Vec<(Direction, Origin)> = Vec::new();
-            nodes.extend(single.iter().map(|&m| (all.get(m as usize), Origin::Single(m))));
-            part.cells = cells.into_iter().map(|cell| (cell, [0; SLOTS])).collect();
-            for (c, (cell, _)) in part.cells.iter_mut().enumerate() {
-                let [_, across] = cell.count;
-                let nodes_of = std::mem::take(&mut cell.nodes).into_iter().enumerate();
-                nodes.extend(
-                    nodes_of.map(|(i, node)| (node, Origin::Slot(c, i / across * SIDE + i % across))),
-                );
-            }
-            tile_order(&mut nodes, list.len(), |n| n.0.to);
-            for (node, origin) in nodes {
-                match origin {
-                    Origin::Single(member) => part.single.push([member, list.len() as u32]),
-                    Origin::Slot(cell, slot) => part.cells[cell].1[slot] = list.len() as u32,
-                }
-                list.push(node);
-            }
-            if split > 0 && first == 0 {
-                first = list.len().div_ceil(LANES);
-            }
-        }
+        let linked = Part::new(all, divide(all, 0..split, tolerance), &mut list);
+        let first = list.len().div_ceil(LANES);
+        let others = Part::new(all, divide(all, split..all.len, tolerance), &mut list);
         if list.len() as f32 > PAYS * all.len as f32 {
             return None;
         }
-        Some(Nodes { directions: Directions::new(all.origin, &list), first: (first, links), parts })
+        Some(Nodes {
+            directions: Directions::new(all.origin, &list),
+            first: (first, links),
+            parts: [linked, others],
+        })
     }
 
     /// How many groups of nodes stand for the first `groups` of directions: those of the links, or all.
@@ -105,12 +123,11 @@ impl Nodes {
             if let Some(single) = part.single.iter().find(|s| s[0] as usize == l) {
                 return vec![(single[1] as usize, 1.0)];
             }
-            let at = |(cell, nodes): &(Cell, [u32; SLOTS])| {
-                let at = cell.members.iter().position(|&m| m as usize == l)?;
-                let shares = slots(&cell.shares[at]);
-                Some(used(cell).map(|i| (nodes[i] as usize, shares[i])).collect())
-            };
-            part.cells.iter().find_map(at).unwrap_or_default()
+            let Some(at) = part.members.iter().position(|&m| m as usize == l) else { return Vec::new() };
+            let shares = slots(&part.shares[at]);
+            let cell = part.cells.iter().find(|cell| at < cell.end);
+            let slots = |cell: &Cell| used(cell.count).map(|i| (cell.nodes[i] as usize, shares[i])).collect();
+            cell.map(slots).unwrap_or_default()
         };
         self.parts.iter().flat_map(own).collect()
     }
@@ -130,8 +147,7 @@ fn slots([u, v]: &[[f32; SIDE]; 2]) -> [f32; SLOTS] {
 
 /// The slots of a cell that nodes stand in.
 #[inline(always)]
-fn used(cell: &Cell) -> impl Iterator<Item = usize> {
-    let [along, across] = cell.count;
+fn used([along, across]: [usize; 2]) -> impl Iterator<Item = usize> {
     (0..along).flat_map(move |i| (0..across).map(move |j| i * SIDE + j))
 }
 
@@ -150,30 +166,13 @@ impl HotLoop for Gather<'_> {
         let Gather { nodes, w, x } = self;
         let groups = x.len() / w;
         let mut out = vec![[0.0; LANES]; nodes.groups(groups) * w];
-        let mut sums = vec![[0.0f32; SLOTS]; w];
         for part in nodes.parts(groups) {
-            for [member, node] in &part.single {
-                let ([g, lane], [h, to]) = (place(*member), place(*node));
-                for k in 0..w {
-                    out[h * w + k][to] = x[g * w + k][lane];
-                }
-            }
-            for (cell, places) in &part.cells {
-                sums.fill([0.0; SLOTS]);
-                for (member, shares) in cell.members.iter().zip(&cell.shares) {
-                    let ([g, lane], shares) = (place(*member), slots(shares));
-                    for (sums, x) in sums.iter_mut().zip(&x[g * w..(g + 1) * w]) {
-                        let x = x[lane];
-                        for slot in 0..SLOTS {
-                            sums[slot] += shares[slot] * x;
-                        }
-                    }
-                }
-                for slot in used(cell) {
-                    let [h, to] = place(places[slot]);
-                    for k in 0..w {
-                        out[h * w + k][to] = sums[k][slot];
-                    }
+            for first in (0..w).step_by(BAND) {
+                match w - first {
+                    1 => part.gather::<1>((first, w), x, &mut out),
+                    2 => part.gather::<2>((first, w), x, &mut out),
+                    3 => part.gather::<3>((first, w), x, &mut out),
+                    _ => part.gather::<BAND>((first, w), x, &mut out),
                 }
             }
         }
@@ -196,36 +195,91 @@ impl HotLoop for Scatter<'_> {
     fn run(self) -> Vec<Lanes> {
         let Scatter { nodes, w, groups, x } = self;
         let mut out = vec![[0.0; LANES]; groups * w];
-        let mut values = vec![[0.0f32; SLOTS]; w];
         for part in nodes.parts(groups) {
-            for [member, node] in &part.single {
-                let ([g, lane], [h, from]) = (place(*member), place(*node));
-                for k in 0..w {
-                    out[g * w + k][lane] = x[h * w + k][from];
-                }
-            }
-            for (cell, places) in &part.cells {
-                for slot in used(cell) {
-                    let [h, from] = place(places[slot]);
-                    for k in 0..w {
-                        values[k][slot] = x[h * w + k][from];
-                    }
-                }
-                for (member, shares) in cell.members.iter().zip(&cell.shares) {
-                    let ([g, lane], [u, v]) = (place(*member), shares);
-                    for (out, values) in out[g * w..(g + 1) * w].iter_mut().zip(&values) {
-                        let mut sums = [0.0; SIDE];
-                        for (u, values) in u.iter().zip(values.chunks_exact(SIDE)) {
-                            for j in 0..SIDE {
-                                sums[j] += u * values[j];
-                            }
-                        }
-                        out[lane] = (sums[0] * v[0] + sums[1] * v[1]) + (sums[2] * v[2] + sums[3] * v[3]);
-                    }
+            for first in (0..w).step_by(BAND) {
+                match w - first {
+                    1 => part.scatter::<1>((first, w), x, &mut out),
+                    2 => part.scatter::<2>((first, w), x, &mut out),
+                    3 => part.scatter::<3>((first, w), x, &mut out),
+                    _ => part.scatter::<BAND>((first, w), x, &mut out),
                 }
             }
         }
         out
+    }
+}
+
+impl Part {
+    /// Adds up what directions hold at `K` of `w` wavelengths for the nodes.
+    #[inline(always)]
+    fn gather<const K: usize>(&self, (first, w): (usize, usize), x: &[Lanes], out: &mut [Lanes]) {
+        for [member, node] in &self.single {
+            let ([g, lane], [h, to]) = (place(*member), place(*node));
+            for k in 0..K {
+                out[h * w + first + k][to] = x[g * w + first + k][lane];
+            }
+        }
+        let mut start = 0;
+        for cell in &self.cells {
+            let mut sums = [[[0.0f32; SIDE]; SIDE]; K];
+            for (member, [u, v]) in self.members[start..cell.end].iter().zip(&self.shares[start..cell.end]) {
+                let [g, lane] = place(*member);
+                let x = &x[g * w + first..][..K];
+                for k in 0..K {
+                    let mut row = [0.0; SIDE];
+                    for j in 0..SIDE {
+                        row[j] = v[j] * x[k][lane];
+                    }
+                    for i in 0..SIDE {
+                        for j in 0..SIDE {
+                            sums[k][i][j] += u[i] * row[j];
+                        }
+                    }
+                }
+            }
+            for slot in used(cell.count) {
+                let [h, to] = place(cell.nodes[slot]);
+                for k in 0..K {
+                    out[h * w + first + k][to] = sums[k][slot / SIDE][slot % SIDE];
+                }
+            }
+            start = cell.end;
+        }
+    }
+
+    /// Makes up what directions hold at `K` of `w` wavelengths from the nodes.
+    #[inline(always)]
+    fn scatter<const K: usize>(&self, (first, w): (usize, usize), x: &[Lanes], out: &mut [Lanes]) {
+        for [member, node] in &self.single {
+            let ([g, lane], [h, from]) = (place(*member), place(*node));
+            for k in 0..K {
+                out[g * w + first + k][lane] = x[h * w + first + k][from];
+            }
+        }
+        let mut start = 0;
+        for cell in &self.cells {
+            let mut values = [[0.0f32; SLOTS]; K];
+            for slot in used(cell.count) {
+                let [h, from] = place(cell.nodes[slot]);
+                for k in 0..K {
+                    values[k][slot] = x[h * w + first + k][from];
+                }
+            }
+            for (member, [u, v]) in self.members[start..cell.end].iter().zip(&self.shares[start..cell.end]) {
+                let [g, lane] = place(*member);
+                let out = &mut out[g * w + first..][..K];
+                for k in 0..K {
+                    let mut sums = [0.0; SIDE];
+                    for i in 0..SIDE {
+                        for j in 0..SIDE {
+                            sums[j] += u[i] * values[k][i * SIDE + j];
+                        }
+                    }
+                    out[k][lane] = (sums[0] * v[0] + sums[1] * v[1]) + (sums[2] * v[2] + sums[3] * v[3]);
+                }
+            }
+            start = cell.end;
+        }
     }
 }
 
