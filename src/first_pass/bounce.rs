@@ -4,7 +4,7 @@ use super::directions::{Directions, LANES, Lanes};
 use super::lights::PointLighting;
 use super::lobe_table::{BAND, LobeTable};
 use super::nodes::Nodes;
-use super::rows::{Pass, Rows};
+use super::rows::{Pass, Rows, sum_of};
 use super::scatter::spread;
 use super::specular::{SpecularMaterial, SpecularPoint, SpecularSet};
 use crate::points::{NO_POINT, SamplePoints};
@@ -42,7 +42,7 @@ pub struct Bounce<'a> {
     pub set: &'a SpecularSet,
     /// All sample points.
     pub points: &'a SamplePoints,
-    /// Diffuse radiance of all points, `[N][W]`.
+    /// Diffuse radiance of all points, and of none: `[N + 1][W]`.
     pub radiance: Option<&'a [f32]>,
     /// What point lights bring.
     pub lights: Option<&'a PointLighting>,
@@ -60,10 +60,15 @@ impl Bounce<'_> {
         let groups = if self.radiance.is_some() { point.reflection.groups() } else { point.link_groups };
         let mut light = vec![[0.0; LANES]; groups * w];
         if let Some(radiance) = self.radiance {
-            for (member, &i) in point.members.iter().enumerate().filter(|(_, i)| **i != NO_POINT) {
-                let own = &radiance[i as usize * w..(i as usize + 1) * w];
-                let group = &mut light[member / LANES * w..(member / LANES + 1) * w];
-                group.iter_mut().zip(own).for_each(|(light, own)| light[member % LANES] = *own);
+            let none = radiance.len() / w - 1;
+            for (light, members) in light.chunks_exact_mut(w).zip(point.members.chunks(LANES)) {
+                let mut rows = [none * w; LANES];
+                for (row, &member) in rows.iter_mut().zip(members) {
+                    *row = if member == NO_POINT { none } else { member as usize } * w;
+                }
+                for (k, light) in light.iter_mut().enumerate() {
+                    *light = rows.map(|row| radiance[row + k]);
+                }
             }
         }
         for (link, l) in point.links.iter().zip(self.state.map_or(&[][..], |state| &state[s]).chunks(w)) {
@@ -85,7 +90,7 @@ impl Bounce<'_> {
         }
         for light in light.chunks_exact(w) {
             for (entered, light) in entered.iter_mut().zip(light) {
-                *entered += area * f64::from(light.iter().sum::<f32>());
+                *entered += area * f64::from(sum_of(light));
             }
         }
         Incoming { light, entered, medium }
@@ -110,7 +115,7 @@ impl Bounce<'_> {
         if self.state.is_none() {
             for light in light.chunks_exact(w) {
                 for (strength, light) in strength.iter_mut().zip(light) {
-                    *strength += f64::from(light.iter().map(|l| l.abs()).sum::<f32>());
+                    *strength += f64::from(sum_of(&light.map(f32::abs)));
                 }
             }
         }
@@ -136,7 +141,7 @@ impl Bounce<'_> {
                     table,
                     from,
                     to,
-                    count: light.len() / w * LANES,
+                    count: light.len() / w,
                     groups,
                     w,
                     light: &light,
@@ -185,7 +190,7 @@ pub(super) fn reflect(
     let known = light.len() / w;
     let all = groups.max(known);
     let mut out = vec![[0.0; LANES]; all * w];
-    let count = groups.min(known) * LANES;
+    let count = groups.min(known);
     wide(Pass { rows, table, from: ends, to: ends, count, groups: all, w, light, out: &mut out });
     out
 }

@@ -293,9 +293,10 @@ impl Delivered {
     }
 }
 
-/// `[W][N]` to `[N][W]`.
+/// `[W][N]` to `[N + 1][W]`, the last 0.
 fn interleave(radiance: &[f32], n: usize, w: usize) -> Vec<f32> {
-    (0..n * w).map(|at| radiance[at % w * n + at / w]).collect()
+    let known = (0..n * w).map(|at| radiance[at % w * n + at / w]);
+    known.chain(std::iter::repeat_n(0.0, w)).collect()
 }
 
 /// Largest of `part / whole` over the wavelengths; 0 where the whole is.

@@ -93,7 +93,7 @@ pub fn between(a: &Direction, [x, y, z]: [&Lanes; 3], group: &Extents, m2: f32) 
         width[l] = effective(m2, &a.rough, group.spread[l], group.blur[l]);
         inside[l] = u32::from((t2[l] <= CUT * width[l] * z2[l]) & (z[l] > 0.0));
     }
-    if inside.iter().sum::<u32>() == 0 || az <= 0.0 {
+    if inside.iter().fold(0, |any, inside| any | inside) == 0 || az <= 0.0 {
         return None;
     }
     let value = rs_over_f_lanes(&t2, az, z, &width);

@@ -30,7 +30,7 @@ impl SpecularSet {
             // Reflection and transmission of glass are ideal.
             p.nodes = Nodes::new(&p.reflection, p.link_groups, tolerance);
             let ends = p.nodes.as_ref().map_or(&p.reflection, |nodes| &nodes.directions);
-            p.rows = Rows::new(ends, ends, true, most);
+            p.rows = std::mem::take(&mut p.rows).renewed(ends, ends, true, most);
         });
         let through = |p: &SpecularPoint| {
             let twin = &self.points[p.twin.filter(|_| !p.scaled)? as usize];

@@ -1,99 +1,102 @@
-//! Lobes between two sets of directions, row by row: kept as far as memory allows, and found anew beyond. Both give
+//! Lobes between two sets of directions, group by group: kept as far as memory allows, and found anew beyond. Both give
 //! the same bits.
 //!
-//! The lobe of a reflection is the same both ways, so half of it is enough: the row of a direction begins with its own
-//! group. Rows depend on geometry and roughness alone; Fresnel's factors are looked up as light passes.
+//! The lobe of a reflection is the same both ways, so half of it is enough: the rows of a group begin with the group
+//! itself. Rows depend on geometry and roughness alone; Fresnel's factors are looked up as light passes.
 
 use super::directions::{Directions, LANES, Lanes};
-use super::lobe_table::{BAND, LobeTable};
+use super::lobe_table::{LobeTable, STEPS};
 use crate::simd::{HotLoop, wide};
-use glam::Vec4;
 use std::ops::Range;
 
-/// Steps of an angle as it is kept: the error of 1 less the root of the cosine is 8e-6.
-const STEPS: f32 = 65535.0;
-
-/// What lobes are towards groups of directions, one after the other.
+/// What lobes are between a group of directions and others, one after the other.
 #[derive(Clone, Debug, Default)]
-struct Entries {
-    /// The groups.
+struct Tiles {
+    /// The others.
     groups: Vec<u32>,
-    /// B, 1/sr.
-    b: Vec<Lanes>,
+    /// B, 1/sr, by the direction of the group.
+    b: Vec<[Lanes; LANES]>,
     /// 1 less the root of the cosine of incidence on the facet, in steps.
-    angle: Vec<[u16; LANES]>,
+    angle: Vec<[[u16; LANES]; LANES]>,
+    /// The least and the largest of them.
+    range: Vec<[u16; 2]>,
 }
 
 /// Some of them.
 #[derive(Clone, Copy)]
-struct Row<'a> {
+struct Strip<'a> {
     groups: &'a [u32],
-    b: &'a [Lanes],
-    angle: &'a [[u16; LANES]],
+    b: &'a [[Lanes; LANES]],
+    angle: &'a [[[u16; LANES]; LANES]],
+    range: &'a [[u16; 2]],
 }
 
-impl Entries {
+impl Tiles {
     #[inline(always)]
-    fn get(&self, range: Range<usize>) -> Row<'_> {
-        Row { groups: &self.groups[range.clone()], b: &self.b[range.clone()], angle: &self.angle[range] }
+    fn get(&self, range: Range<usize>) -> Strip<'_> {
+        Strip {
+            groups: &self.groups[range.clone()],
+            b: &self.b[range.clone()],
+            angle: &self.angle[range.clone()],
+            range: &self.range[range],
+        }
     }
 
     fn clear(&mut self) {
         self.groups.clear();
         self.b.clear();
         self.angle.clear();
+        self.range.clear();
     }
 }
 
-/// A lobe between two sets of directions, by the directions light comes from.
+/// A lobe between two sets of directions, by the groups of directions light comes from.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
-    /// Whether each row begins with its own group.
+    /// Whether the rows of each group begin with the group itself.
     half: bool,
-    /// The first rows, one after the other.
-    kept: Entries,
-    /// Where each ends.
+    /// Those of the first groups, one after the other.
+    kept: Tiles,
+    /// Where those of each end.
     ends: Vec<usize>,
 }
 
-/// Bytes that an entry takes.
-pub const BYTES: usize = size_of::<(u32, Lanes, [u16; LANES])>();
+/// Bytes that the lobes between two groups take.
+pub const BYTES: usize = size_of::<(u32, [Lanes; LANES], [[u16; LANES]; LANES], [u16; 2])>();
 
 impl Rows {
-    /// Of light from `from` to `to`, which are the same where one `half` is enough. About `most` entries are kept.
+    /// Of light from `from` to `to`, which are the same where one `half` is enough. About `most` pairs of groups are kept.
     pub fn new(from: &Directions, to: &Directions, half: bool, most: usize) -> Self {
-        wide(Keep { from, to, half, most })
+        Self::default().renewed(from, to, half, most)
     }
 
-    /// Row `l` in the first `groups`, in `scratch` if it is not kept.
+    /// [`Rows::new`] in the memory of these.
+    pub fn renewed(self, from: &Directions, to: &Directions, half: bool, most: usize) -> Self {
+        wide(Keep { from, to, half, most, memory: self })
+    }
+
+    /// The rows of a group in the first `groups`, in `scratch` if they are not kept.
     #[inline(always)]
-    fn row<'a>(
+    fn of<'a>(
         &'a self,
         from: &Directions,
         to: &Directions,
-        (l, groups): (usize, usize),
-        scratch: &'a mut Entries,
-    ) -> Row<'a> {
-        match self.kept_row(l) {
-            Some(range) if groups >= to.groups() => self.kept.get(range),
-            Some(range) => {
+        (own, groups): (usize, usize),
+        scratch: &'a mut Scratch,
+    ) -> Strip<'a> {
+        match self.ends.get(own) {
+            Some(&end) => {
+                let start = if own == 0 { 0 } else { self.ends[own - 1] };
                 // Groups ascend.
-                let within = self.kept.groups[range.clone()].partition_point(|&g| (g as usize) < groups);
-                self.kept.get(range.start..range.start + within)
+                let within = self.kept.groups[start..end].partition_point(|&g| (g as usize) < groups);
+                self.kept.get(start..start + within)
             }
             None => {
-                scratch.clear();
-                append(from, to, self.half, (l, groups), scratch);
-                scratch.get(0..scratch.groups.len())
+                scratch.tiles.clear();
+                append(from, to, self.half, (own, groups), &mut scratch.reached, &mut scratch.tiles);
+                scratch.tiles.get(0..scratch.tiles.groups.len())
             }
         }
-    }
-
-    /// Where row `l` is kept.
-    #[inline(always)]
-    fn kept_row(&self, l: usize) -> Option<Range<usize>> {
-        let end = *self.ends.get(l)?;
-        Some(if l == 0 { 0 } else { self.ends[l - 1] }..end)
     }
 
     /// Σ_k B(l, k) x_k over `to` for every l of `from`. `table` multiplies B by its value at the first wavelength.
@@ -108,23 +111,87 @@ impl Rows {
     }
 }
 
-/// Appends row `l` in the first `groups`.
+/// Room for rows that are not kept.
+#[derive(Default)]
+struct Scratch {
+    tiles: Tiles,
+    reached: Reached,
+}
+
+/// The groups that some directions reach.
+#[derive(Default)]
+struct Reached {
+    /// Bits of the directions that reach a group, by the group.
+    by: Vec<u8>,
+    /// The groups.
+    groups: Vec<u32>,
+}
+
+/// Appends the rows of group `own` in the first `groups`.
 #[inline(always)]
-fn append(from: &Directions, to: &Directions, half: bool, (l, groups): (usize, usize), row: &mut Entries) {
-    let a = from.get(l);
-    if a.to[2] <= 0.0 {
-        return;
-    }
-    let first = if half { l / LANES } else { 0 };
-    for g in to.reach(a, first..groups) {
-        let Some((b, cosine)) = to.lobe(&a, g) else { continue };
-        let mut angle = [0; LANES];
-        for lane in 0..LANES {
-            angle[lane] = nearest((1.0 - cosine[lane].clamp(0.0, 1.0).sqrt()) * STEPS);
+fn append(
+    from: &Directions,
+    to: &Directions,
+    half: bool,
+    (own, groups): (usize, usize),
+    reached: &mut Reached,
+    tiles: &mut Tiles,
+) {
+    reached.by.resize(to.groups(), 0);
+    reached.groups.clear();
+    let first = if half { own } else { 0 };
+    for r in 0..LANES {
+        let a = from.get(own * LANES + r);
+        if a.to[2] <= 0.0 {
+            continue;
         }
-        row.groups.push(g as u32);
-        row.b.push(b);
-        row.angle.push(angle);
+        for g in to.reach(a, first..groups) {
+            if reached.by[g] == 0 {
+                reached.groups.push(g as u32);
+            }
+            reached.by[g] |= 1 << r;
+        }
+    }
+    reached.groups.sort_unstable();
+    for &g in &reached.groups {
+        let by = std::mem::take(&mut reached.by[g as usize]);
+        let (mut b, mut angle) = ([[0.0; LANES]; LANES], [[0; LANES]; LANES]);
+        let (mut least, mut most) = ([u16::MAX; LANES], [0; LANES]);
+        for r in 0..LANES {
+            if by & 1 << r == 0 {
+                continue;
+            }
+            let a = from.get(own * LANES + r);
+            let Some((row, cosine)) = to.lobe(&a, g as usize) else { continue };
+            b[r] = row;
+            for lane in 0..LANES {
+                angle[r][lane] = nearest((1.0 - cosine[lane].clamp(0.0, 1.0).sqrt()) * STEPS);
+            }
+            // All bits where the lobe is not 0.
+            let mut some = [0u16; LANES];
+            for lane in 0..LANES {
+                some[lane] = 0u16.wrapping_sub(u16::from(row[lane] > 0.0));
+            }
+            for lane in 0..LANES {
+                least[lane] = least[lane].min(angle[r][lane] | !some[lane]);
+                most[lane] = most[lane].max(angle[r][lane] & some[lane]);
+            }
+        }
+        let mut range = [u16::MAX, 0];
+        for lane in 0..LANES {
+            range = [range[0].min(least[lane]), range[1].max(most[lane])];
+        }
+        if range[0] > range[1] {
+            continue;
+        }
+        // Where the lobe is 0 any angle will do.
+        for angle in angle.as_flattened_mut() {
+            *angle = (*angle).max(range[0]).min(range[1]);
+        }
+        tiles.groups.push(g);
+        tiles.b.push(b);
+        tiles.angle.push(angle);
+        tiles.range.push(range);
     }
 }
 
@@ -134,6 +201,7 @@ struct Keep<'a> {
     to: &'a Directions,
     half: bool,
     most: usize,
+    memory: Rows,
 }
 
 impl HotLoop for Keep<'_> {
@@ -141,15 +209,18 @@ impl HotLoop for Keep<'_> {
 
     #[inline(always)]
     fn run(self) -> Rows {
-        let Keep { from, to, half, most } = self;
-        let (mut kept, mut ends) = (Entries::default(), Vec::new());
-        while kept.groups.len() < most && ends.len() < from.len {
-            append(from, to, half, (ends.len(), to.groups()), &mut kept);
+        let Keep { from, to, half, most, memory: Rows { mut kept, mut ends, .. } } = self;
+        let mut reached = Reached::default();
+        kept.clear();
+        ends.clear();
+        while kept.groups.len() < most && ends.len() < from.groups() {
+            append(from, to, half, (ends.len(), to.groups()), &mut reached, &mut kept);
             ends.push(kept.groups.len());
         }
         kept.groups.shrink_to_fit();
         kept.b.shrink_to_fit();
         kept.angle.shrink_to_fit();
+        kept.range.shrink_to_fit();
         Rows { half, kept, ends }
     }
 }
@@ -169,64 +240,56 @@ impl HotLoop for Product<'_> {
     #[inline(always)]
     fn run(self) -> Vec<f32> {
         let Product { rows, from, to, table, x } = self;
-        let mut scratch = Entries::default();
+        let mut scratch = Scratch::default();
         let mut theirs = vec![[0.0f32; LANES]; if rows.half { to.groups() } else { 0 }];
-        let mut sums: Vec<f32> = Vec::with_capacity(from.len);
-        for l in 0..from.len {
-            let mut sum = [0.0; LANES];
-            let own = x.get(l / LANES).map_or(0.0, |x| x[l % LANES]);
-            let row = rows.row(from, to, (l, to.groups()), &mut scratch);
-            for ((&g, b), angle) in row.groups.iter().zip(row.b).zip(row.angle) {
+        let mut sums: Vec<f32> = Vec::with_capacity(from.groups() * LANES);
+        for own in 0..from.groups() {
+            let mut sum = [[0.0; LANES]; LANES];
+            let mine = x.get(own).copied().unwrap_or_default();
+            let strip = rows.of(from, to, (own, to.groups()), &mut scratch);
+            for ((&g, b), angle) in strip.groups.iter().zip(strip.b).zip(strip.angle) {
                 let g = g as usize;
-                let b = match table {
-                    Some(table) => table.first(b, angle),
-                    None => *b,
-                };
-                let x = &x[g];
-                for lane in 0..LANES {
-                    sum[lane] += b[lane] * x[lane];
-                }
-                // The pairs within a group are met from both their ends.
-                if rows.half && g > l / LANES {
-                    let theirs = &mut theirs[g];
-                    for lane in 0..LANES {
-                        theirs[lane] += b[lane] * own;
+                let mut shares = *b;
+                if let Some(table) = table {
+                    for r in 0..LANES {
+                        let piece = table.piece_for(&angle[r]);
+                        let steps = table.steps(&angle[r], piece.unwrap_or(0));
+                        shares[r] = table.share(&b[r], (piece, &steps), 0);
                     }
                 }
+                let x = x[g];
+                for r in 0..LANES {
+                    for lane in 0..LANES {
+                        sum[r][lane] += shares[r][lane] * x[lane];
+                    }
+                }
+                // The pairs within a group are met from both their ends.
+                if rows.half && g > own {
+                    let mut more = theirs[g];
+                    for r in 0..LANES {
+                        for lane in 0..LANES {
+                            more[lane] += shares[r][lane] * mine[r];
+                        }
+                    }
+                    theirs[g] = more;
+                }
             }
-            sums.push(sum.iter().sum());
+            for sum in &sum {
+                sums.push(sum_of(sum));
+            }
         }
         if rows.half {
-            sums.iter_mut().enumerate().for_each(|(l, sum)| *sum += theirs[l / LANES][l % LANES]);
+            sums.iter_mut().zip(theirs.as_flattened()).for_each(|(sum, theirs)| *sum += theirs);
         }
+        sums.truncate(from.len);
         sums
     }
 }
 
-impl LobeTable {
-    /// B times the table at the first wavelength.
-    #[inline(always)]
-    fn first(&self, b: &Lanes, angle: &[u16; LANES]) -> Lanes {
-        let (slot, f) = self.slots(&angle.map(|angle| f32::from(angle) / STEPS));
-        let mut share = [0.0; LANES];
-        for lane in 0..LANES {
-            let (here, step) = self.entry(slot[lane], 0);
-            share[lane] = b[lane] * (here[0] + f[lane] * step[0]);
-        }
-        share
-    }
-
-    /// B times the table at the wavelengths of a band: by wavelength, then by lane.
-    #[inline(always)]
-    fn shares(&self, b: &Lanes, (slot, f): &([i32; LANES], Lanes), band: usize) -> [Lanes; BAND] {
-        let mut shares = [[0.0; BAND]; LANES];
-        for lane in 0..LANES {
-            let (here, step) = self.entry(slot[lane], band);
-            let share = b[lane] * (Vec4::from(*here) + f[lane] * Vec4::from(*step));
-            shares[lane] = share.to_array();
-        }
-        std::array::from_fn(|k| std::array::from_fn(|lane| shares[lane][k]))
-    }
+/// The sum of all lanes.
+#[inline(always)]
+pub fn sum_of([a, b, c, d, e, f, g, h]: &Lanes) -> f32 {
+    ((a + e) + (b + f)) + ((c + g) + (d + h))
 }
 
 /// The nearest whole number of 0 to 65535.
@@ -247,7 +310,7 @@ pub struct Pass<'a> {
     pub from: &'a Directions,
     /// Where it goes.
     pub to: &'a Directions,
-    /// Number of rows, from the first on. With half rows the directions beyond still send light to those within.
+    /// Groups that send light to all, from the first on. With half rows those beyond still send light to those within.
     pub count: usize,
     /// Number of groups that the light is asked for in, from the first on.
     pub groups: usize,
@@ -265,73 +328,55 @@ impl HotLoop for Pass<'_> {
     #[inline(always)]
     fn run(self) {
         let Pass { rows, table, from, to, w, light, out, groups, .. } = self;
-        let mut scratch = Entries::default();
-        // What comes back to the directions of a group, to be summed over the lanes.
-        let mut back = vec![[0.0f32; LANES]; LANES * w];
-        let count = self.count.min(from.len);
-        for l in 0..count {
-            let row = rows.row(from, to, (l, groups), &mut scratch);
-            for first in (0..w).step_by(BAND) {
-                let at = (l, first, w);
-                match w - first {
-                    1 => pass::<1>(out, light, rows.half, at, row, table, &mut back),
-                    2 => pass::<2>(out, light, rows.half, at, row, table, &mut back),
-                    3 => pass::<3>(out, light, rows.half, at, row, table, &mut back),
-                    _ => pass::<BAND>(out, light, rows.half, at, row, table, &mut back),
+        let mut scratch = Scratch::default();
+        for own in 0..self.count.min(from.groups()) {
+            let strip = rows.of(from, to, (own, groups), &mut scratch);
+            // What comes back to the directions of the group, to be summed over the lanes.
+            let mut back = vec![[[0.0f32; LANES]; LANES]; w];
+            for (((&g, b), angle), range) in
+                strip.groups.iter().zip(strip.b).zip(strip.angle).zip(strip.range)
+            {
+                let g = g as usize;
+                let piece = table.piece(*range);
+                let (mut pieces, mut steps) = ([piece; LANES], [[0.0; LANES]; LANES]);
+                for r in 0..LANES {
+                    if piece.is_none() {
+                        pieces[r] = table.piece_for(&angle[r]);
+                    }
+                    steps[r] = table.steps(&angle[r], pieces[r].unwrap_or(0));
+                }
+                for k in 0..w {
+                    let mine = light.get(own * w + k).copied().unwrap_or_default();
+                    // The pairs within a group are met from both their ends.
+                    let theirs = if rows.half && g > own { light.get(g * w + k) } else { None };
+                    let theirs = theirs.copied().unwrap_or_default();
+                    // On the stack, for the compiler to see that they are apart.
+                    let (mut sum, back) = (out[g * w + k], &mut back[k]);
+                    let polynomial = piece.map(|piece| table.polynomial(piece, k));
+                    for r in 0..LANES {
+                        let share = match polynomial {
+                            Some(polynomial) => polynomial.times(&b[r], &steps[r]),
+                            None => table.share(&b[r], (pieces[r], &steps[r]), k),
+                        };
+                        let mut more = back[r];
+                        for lane in 0..LANES {
+                            sum[lane] += share[lane] * mine[r];
+                        }
+                        for lane in 0..LANES {
+                            more[lane] += share[lane] * theirs[lane];
+                        }
+                        back[r] = more;
+                    }
+                    out[g * w + k] = sum;
                 }
             }
-            if rows.half && (l % LANES == LANES - 1 || l + 1 == count) {
-                let out = out[l / LANES * w..].iter_mut();
-                for (k, out) in out.enumerate().take(w) {
-                    for (lane, out) in out.iter_mut().enumerate() {
-                        *out += back[lane * w + k].iter().sum::<f32>();
+            if rows.half {
+                for (out, back) in out[own * w..].iter_mut().zip(&back) {
+                    for r in 0..LANES {
+                        out[r] += sum_of(&back[r]);
                     }
                 }
-                back.fill([0.0; LANES]);
             }
         }
-    }
-}
-
-/// Row `l` of a [`Pass`] at `K` of `w` wavelengths from `first` on. What comes back goes to `back`, `[LANES][W]`.
-#[inline(always)]
-fn pass<const K: usize>(
-    out: &mut [Lanes],
-    light: &[Lanes],
-    half: bool,
-    (l, first, w): (usize, usize, usize),
-    row: Row,
-    table: &LobeTable,
-    back: &mut [Lanes],
-) {
-    let (own, known) = (l / LANES, light.len() / w);
-    let mine: [f32; K] =
-        std::array::from_fn(|k| if own < known { light[own * w + first + k][l % LANES] } else { 0.0 });
-    let mut sum = [[0.0f32; LANES]; K];
-    for ((&g, b), angle) in row.groups.iter().zip(row.b).zip(row.angle) {
-        let g = g as usize;
-        let slots = table.slots(&angle.map(|angle| f32::from(angle) / STEPS));
-        let shares = table.shares(b, &slots, first / BAND);
-        let Some(out) = out[g * w + first..].first_chunk_mut::<K>() else { continue };
-        for k in 0..K {
-            for lane in 0..LANES {
-                out[k][lane] += shares[k][lane] * mine[k];
-            }
-        }
-        // The pairs within a group are met from both their ends.
-        if half
-            && g > own
-            && g < known
-            && let Some(theirs) = light[g * w + first..].first_chunk::<K>()
-        {
-            for k in 0..K {
-                for lane in 0..LANES {
-                    sum[k][lane] += shares[k][lane] * theirs[k][lane];
-                }
-            }
-        }
-    }
-    if half {
-        back[l % LANES * w + first..][..K].copy_from_slice(&sum);
     }
 }
