@@ -8,6 +8,9 @@ pub const LANES: usize = 8;
 /// A value for each of [`LANES`] directions.
 pub type Lanes = [f32; LANES];
 
+/// Lobes of which m² is so many times that of the other at most are scaled nearly alike.
+const AKIN: f32 = 4.0;
+
 /// One direction from a specular element to an element it sees. The frame's x and y lie along the
 /// sides of the specular element and are shared by both sides of its surface, z is the side's normal.
 #[derive(Clone, Copy, Debug, Default)]
@@ -252,10 +255,12 @@ impl Directions {
         d
     }
 
-    /// The same directions of a rough lobe of another `m2`, not yet scaled.
-    pub fn roughened(mut self, m2: f32) -> Self {
+    /// The same directions of a rough lobe of another `m2`; scaled as before if asked for, unless that is far from it.
+    pub fn roughened(mut self, m2: f32, scaled: bool) -> Self {
+        if !scaled || !(1.0 / AKIN..=AKIN).contains(&(m2 / self.origin.m2)) {
+            self.scale.fill([1.0; LANES]);
+        }
         self.origin.m2 = m2;
-        self.scale.fill([1.0; LANES]);
         self.spread.clear();
         self
     }
@@ -270,6 +275,11 @@ impl Directions {
             rough: self.rough.get(g).map_or_else(Default::default, |e| e.get(l)),
             ideal: self.ideal.get(g).map_or_else(Default::default, |e| e.get(l)),
         }
+    }
+
+    /// Whether scale factors have been found.
+    pub fn is_scaled(&self) -> bool {
+        self.scale.iter().flatten().any(|scale| *scale != 1.0)
     }
 
     /// Scale factor of direction `i`.

@@ -70,13 +70,14 @@ fn spread(directions: &mut Directions, lacks: &[f32]) {
         if root > 0.0 { lacks.iter().map(|lacks| lacks / root).collect() } else { Vec::new() };
 }
 
-/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`.
-/// Returns the (mean, largest) share of the light that balancing did not place in its lobe.
+/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`, from
+/// the scales it has on. Returns the (mean, largest) share of the light that balancing did not place in its lobe.
 pub fn normalise_reflection(
     directions: &mut Directions,
     (nodes, rows): (Option<&Nodes>, &Rows),
     albedo: &AlbedoTable,
 ) -> (f64, f64) {
+    let again = directions.is_scaled();
     let measure: Vec<f32> = weights(directions).collect();
     let target: Vec<f32> = cosines(directions).map(|z| albedo.eval(z)).collect();
     let problem = Problem {
@@ -87,8 +88,7 @@ pub fn normalise_reflection(
         measure: &measure,
         target: &target,
     };
-    let mut factors = problem.solve();
-    let (lacks, deviation) = lower(&problem, &mut factors);
+    let (factors, lacks, deviation) = lower(&problem, problem.solve(again));
     rescale(directions, &factors);
     spread(directions, &lacks);
     deviation
@@ -133,12 +133,12 @@ pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -
         sums
     };
     let measure: Vec<f32> = weights(front.transmission).chain(weights(back.transmission)).collect();
-    let factors = Problem {
+    let (factors, _) = Problem {
         product: |x: &[f32]| transmitted(front.transmission, back.transmission, x),
         measure: &measure,
         target: &target.concat(),
     }
-    .solve();
+    .solve(false);
     rescale(front.transmission, &factors[..outside]);
     rescale(back.transmission, &factors[outside..]);
 
@@ -160,8 +160,7 @@ pub fn normalise_solid(front: Face, back: Face, transmit: &LobeTable, n2: f32) -
         measure: &measure,
         target: &vec![1.0; outside + inside],
     };
-    let mut factors = problem.solve();
-    let (lacks, deviation) = lower(&problem, &mut factors);
+    let (factors, lacks, deviation) = lower(&problem, problem.solve(false));
     for (face, part) in [(front, 0..outside), (back, outside..outside + inside)] {
         rescale(face.reflection, &factors[part.clone()]);
         rescale(face.transmission, &factors[part.clone()]);

@@ -64,7 +64,8 @@ pub struct FirstPassSettings {
     /// Whether to count what the paper's algorithm would have asked without a graph (takes time).
     pub count_visibility_calls: bool,
     /// Whether what is left over by the solutions of earlier appearances is all that is solved: in a fraction of the
-    /// time, to the same tolerance, but not to the bit. The first solution takes a little longer for it: where there are up to
+    /// time, to the same tolerance, but not to the bit; and whether lobes are scaled from what they were scaled by at another
+    /// roughness. The first solution takes a little longer for it: where there are up to
     /// four lamps and something specular, each lamp is solved for.
     pub recall: bool,
     /// Where more points than this are specular, what they reflect is spread evenly instead of along its way: see

@@ -5,7 +5,7 @@ use super::lobe_table::BAND;
 use super::member::{Frame, members, outside};
 use super::nodes::Nodes;
 use super::rows::Rows;
-use super::settings::Kernel;
+use super::settings::FirstPassSettings;
 pub use super::specular_material::{Shape, SpecularMaterial, is_rough};
 use crate::geometry::Side;
 use crate::observer::Observer;
@@ -96,13 +96,12 @@ fn normal_spread(points: &SamplePoints, i: usize) -> f32 {
 
 impl SpecularSet {
     /// Finds the specular points, what they see, and the scale factors of their lobes. Points of the set of an
-    /// `earlier` appearance, by the same kernel and tolerance, are used again where nothing they depend on has
-    /// changed. About `most_bytes` are kept of lobes.
+    /// `earlier` appearance, by the same settings, are used again where nothing they depend on has changed.
     pub fn new(
         points: &SamplePoints,
         graph: &VisibilityGraph,
         appearance: &SampledAppearance,
-        (kernel, tolerance, lobe_tolerance, most_bytes): (Kernel, f32, f32, u64),
+        (settings, tolerance): (&FirstPassSettings, f32),
         earlier: Option<SpecularSet>,
         observer: &dyn Observer,
     ) -> Self {
@@ -123,7 +122,7 @@ impl SpecularSet {
                 .then(|| chosen.binary_search(&points.twin[i]).ok().map(|t| t as u32))
                 .flatten();
             let linked = |j: u32| chosen.binary_search(&j).is_ok();
-            let (members, linked) = members(points, graph, kernel, tolerance, i, linked);
+            let (members, linked) = members(points, graph, settings.kernel, tolerance, i, linked);
             let directions: Vec<Direction> = members.iter().map(|m| m.direction).collect();
             let (m2, n2) = materials[material].as_ref().map_or((0.0, 1.0), |m| (m.m2, m.n2));
             let turning = if glass { 0.0 } else { normal_spread(points, i) };
@@ -198,7 +197,8 @@ impl SpecularSet {
                     return point;
                 }
                 let m2 = materials[material].as_ref().map_or(0.0, |m| m.m2);
-                let reflection = point.reflection.roughened(m2 + normal_spread(points, i as usize));
+                let reflection =
+                    point.reflection.roughened(m2 + normal_spread(points, i as usize), settings.recall);
                 observer.advance(1);
                 SpecularPoint { reflection, errors: Vec::new(), ..point }
             }
@@ -212,7 +212,7 @@ impl SpecularSet {
         set.materials = materials;
         observer.end();
         set.connect();
-        set.find_rows(lobe_tolerance, most_bytes);
+        set.find_rows(settings.lobe_tolerance as f32, settings.kept_bytes);
         set.normalise(points, observer);
         set.cells = set.points.iter().flat_map(|p| &p.members).filter(|&&m| m == NO_POINT).count() as u64;
         set

@@ -91,14 +91,8 @@ impl<'a> System<'a> {
             emitted.iter().enumerate().for_each(|(k, l)| emission[k * n + i] = *l);
         }
         let response = Response::new(points, appearance);
-        let specular = SpecularSet::new(
-            points,
-            graph,
-            appearance,
-            (settings.kernel, tolerance, settings.lobe_tolerance as f32, settings.kept_bytes),
-            kept.specular,
-            observer,
-        );
+        let specular =
+            SpecularSet::new(points, graph, appearance, (settings, tolerance), kept.specular, observer);
         let lights = PointLighting::new(geometry, points, graph.lights(), appearance, &specular);
         let light_chains = if lights.misses_specular_points() {
             ChainFlow::default()
