@@ -2,6 +2,7 @@
 //! problem, every application of the operator serves all of them.
 
 use crate::error::Result;
+use crate::simd::{HotLoop, wide};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -83,19 +84,32 @@ impl Small {
     }
 }
 
-/// Σ area a b, in so many sums side by side.
+/// Σ area a b
 pub(super) fn inner(area: &[f32], a: &[f32], b: &[f32]) -> f64 {
-    const LANES: usize = 8;
-    let mut sums = [0.0f64; LANES];
-    let (areas, a_s, b_s) = (area.chunks_exact(LANES), a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest = areas.remainder().iter().zip(a_s.remainder()).zip(b_s.remainder());
-    let rest: f64 = rest.map(|((&s, &a), &b)| f64::from(s) * f64::from(a) * f64::from(b)).sum();
-    for ((area, a), b) in areas.zip(a_s).zip(b_s) {
-        for k in 0..LANES {
-            sums[k] += f64::from(area[k]) * f64::from(a[k]) * f64::from(b[k]);
+    wide(Inner(area, a, b))
+}
+
+/// [`inner`], in so many sums side by side.
+struct Inner<'a>(&'a [f32], &'a [f32], &'a [f32]);
+
+impl HotLoop for Inner<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        const LANES: usize = 8;
+        let Inner(area, a, b) = self;
+        let mut sums = [0.0f64; LANES];
+        let (areas, a_s, b_s) = (area.chunks_exact(LANES), a.chunks_exact(LANES), b.chunks_exact(LANES));
+        let rest = areas.remainder().iter().zip(a_s.remainder()).zip(b_s.remainder());
+        let rest: f64 = rest.map(|((&s, &a), &b)| f64::from(s) * f64::from(a) * f64::from(b)).sum();
+        for ((area, a), b) in areas.zip(a_s).zip(b_s) {
+            for k in 0..LANES {
+                sums[k] += f64::from(area[k]) * f64::from(a[k]) * f64::from(b[k]);
+            }
         }
+        sums.iter().sum::<f64>() + rest
     }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// Σ root(area weight) |r|: where all weights are areas, flux; where rooms weigh more, each room's beside its own.

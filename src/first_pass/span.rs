@@ -1,6 +1,7 @@
 //! Vectors, `[W][N]`, and what combination of them another is nearest to, each wavelength by itself.
 
 use super::gmres::inner;
+use crate::simd::{HotLoop, wide};
 
 /// What adds less than this share of itself to the vectors before it adds rounding.
 const LEAST: f64 = 1e-3;
@@ -56,7 +57,25 @@ impl<'a> Span<'a> {
 
 /// x += factor y.
 pub fn add(x: &mut [f32], factor: f64, y: &[f32]) {
-    x.iter_mut().zip(y).for_each(|(x, &y)| *x = (f64::from(*x) + factor * f64::from(y)) as f32);
+    wide(Add { x, factor, y });
+}
+
+/// [`add`]
+struct Add<'a> {
+    x: &'a mut [f32],
+    factor: f64,
+    y: &'a [f32],
+}
+
+impl HotLoop for Add<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (x, y) in self.x.iter_mut().zip(self.y) {
+            *x = (f64::from(*x) + self.factor * f64::from(*y)) as f32;
+        }
+    }
 }
 
 /// x += factor y of two vectors of any number of wavelengths, each with its own factor.
