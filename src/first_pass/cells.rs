@@ -232,7 +232,7 @@ impl Bounds {
 fn shares(n: usize, u: f32) -> [f32; SIDE] {
     let mut shares = [0.0; SIDE];
     for i in 0..n {
-        shares[i] = HEIGHTS[n - 1][i];
+        shares[i] = BARYCENTRIC[n - 1][i];
         for j in (0..n).filter(|j| *j != i) {
             shares[i] *= u - GAUSS[n - 1][j];
         }
@@ -240,18 +240,18 @@ fn shares(n: usize, u: f32) -> [f32; SIDE] {
     shares
 }
 
-/// What Π (u - u_j) over all Gauss points but the i-th is to be multiplied by, to be 1 at the i-th.
-const HEIGHTS: [[f32; SIDE]; SIDE] = {
-    let mut heights = [[1.0; SIDE]; SIDE];
+/// The barycentric weights of Gauss points, 1 / Π (u_i - u_j) over all others.
+const BARYCENTRIC: [[f32; SIDE]; SIDE] = {
+    let mut weights = [[1.0; SIDE]; SIDE];
     let mut at = 0;
     while at < SIDE * SIDE * SIDE {
         let (n, i, j) = (at / (SIDE * SIDE), at / SIDE % SIDE, at % SIDE);
         if i <= n && j <= n && i != j {
-            heights[n][i] /= GAUSS[n][i] - GAUSS[n][j];
+            weights[n][i] /= GAUSS[n][i] - GAUSS[n][j];
         }
         at += 1;
     }
-    heights
+    weights
 };
 
 /// Coefficients of 1, u, v, u², uv and v².

@@ -53,6 +53,9 @@ pub struct Directions {
     pub weight: Vec<Lanes>,
     /// Scale factor u of the normalisation.
     pub scale: Vec<Lanes>,
+    /// m² and scale factors of a rough lobe that was last balanced from nothing. What goes on from there and is not kept
+    /// here cannot drift: factors have directions in which rows hardly change.
+    pub from_nothing: Option<(f32, Vec<Lanes>)>,
     /// As [`Direction::rough`]; empty for an ideal lobe.
     pub rough: Vec<lobe::Extents>,
     /// As [`Direction::ideal`]; empty for a rough lobe.
@@ -255,13 +258,16 @@ impl Directions {
         d
     }
 
-    /// The same directions of a rough lobe of another `m2`; scaled as before if asked for, unless that is far from it.
-    pub fn roughened(mut self, m2: f32, scaled: bool) -> Self {
-        if !scaled || !(1.0 / AKIN..=AKIN).contains(&(m2 / self.origin.m2)) {
-            self.scale.fill([1.0; LANES]);
-        }
+    /// The same directions of a rough lobe of another `m2`, not yet scaled, or with the scales that were found `from_nothing` for
+    /// one nearly alike.
+    pub fn roughened(mut self, m2: f32, from_nothing: bool) -> Self {
         self.origin.m2 = m2;
         self.spread.clear();
+        let akin = |of: &(f32, Vec<Lanes>)| (1.0 / AKIN..=AKIN).contains(&(m2 / of.0));
+        match self.from_nothing.as_ref().filter(|of| from_nothing && akin(of)) {
+            Some((_, scale)) => self.scale.clone_from(scale),
+            None => self.scale.fill([1.0; LANES]),
+        }
         self
     }
 

@@ -74,8 +74,8 @@ impl LobeTable {
         for entry in 0..last {
             let of = |k: usize, width: usize| polynomial(|i| value(entry + i, k), width);
             let fit = |width: usize| (0..w).map(|k| of(k, width)).collect::<Option<Vec<_>>>();
-            let widths = WIDTHS.into_iter().filter(|width| entry + width <= last);
-            if let Some((width, fit)) = widths.filter_map(|width| Some((width, fit(width)?))).next() {
+            let mut widths = WIDTHS.into_iter().filter(|width| entry + width <= last);
+            if let Some((width, fit)) = widths.find_map(|width| Some((width, fit(width)?))) {
                 fit.into_iter().enumerate().for_each(|(k, fit)| polynomials[k * last + entry] = fit);
                 reach.push(width as f32);
             }
@@ -167,14 +167,6 @@ impl LobeTable {
     #[inline(always)]
     pub fn entry(&self, slot: i32, band: usize) -> &(Band, Band) {
         &self.values[slot as usize * self.bands + band]
-    }
-
-    /// The entry before `x`, 1 less the root of a cosine, and how far it is towards the next.
-    #[inline(always)]
-    pub fn slot(&self, x: f32) -> (i32, f32) {
-        let x = x * self.last as f32;
-        let slot = (x as i32).min(self.last as i32 - 1);
-        (slot, x - slot as f32)
     }
 
     /// The values at a cosine of a band of wavelengths.

@@ -70,8 +70,8 @@ fn spread(directions: &mut Directions, lacks: &[f32]) {
         if root > 0.0 { lacks.iter().map(|lacks| lacks / root).collect() } else { Vec::new() };
 }
 
-/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`, from
-/// the scales it has on. Returns the (mean, largest) share of the light that balancing did not place in its lobe.
+/// Scales the reflection lobe of one point, given its rows, between nodes if it has any, to the directional `albedo`,
+/// going on from the scales it has. Returns the (mean, largest) share of the light that balancing did not place in its lobe.
 pub fn normalise_reflection(
     directions: &mut Directions,
     (nodes, rows): (Option<&Nodes>, &Rows),
@@ -91,6 +91,9 @@ pub fn normalise_reflection(
     let (factors, lacks, deviation) = lower(&problem, problem.solve(again));
     rescale(directions, &factors);
     spread(directions, &lacks);
+    if !again {
+        directions.from_nothing = Some((directions.origin.m2, directions.scale.clone()));
+    }
     deviation
 }
 

@@ -16,6 +16,9 @@ const MOST: usize = 16;
 /// and of those of which C x is not known.
 const MOST_ENDS: usize = 4;
 
+/// After so many appearances all is forgotten: each makes its directions of those before, and rounds them again.
+const MOST_SERVED: usize = 12;
+
 /// Earlier solutions and directions over the same form factors.
 #[derive(Default)]
 pub struct Recalled {
@@ -23,6 +26,8 @@ pub struct Recalled {
     spectrum: Vec<f64>,
     /// Of all that C depends on.
     specular: [u8; 32],
+    /// Appearances so far.
+    served: usize,
     earlier: Vec<Direction>,
     /// From which of them on C x is that of now.
     current: usize,
@@ -63,9 +68,15 @@ pub struct Basis<'a> {
 }
 
 impl Recalled {
+    /// Whether there is nothing to go on from.
+    pub fn is_empty(&self) -> bool {
+        self.earlier.is_empty() && self.ends.is_empty()
+    }
+
     /// What of them serves `appearance`.
     pub fn serving(mut self, appearance: &SampledAppearance) -> Recalled {
-        if self.spectrum != appearance.wavelengths.nm {
+        self.served += 1;
+        if self.spectrum != appearance.wavelengths.nm || self.served > MOST_SERVED {
             self = Recalled { spectrum: appearance.wavelengths.nm.clone(), ..Default::default() };
         }
         let specular = specular_key(appearance);

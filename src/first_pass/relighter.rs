@@ -4,7 +4,7 @@ use super::diffuse::DiffuseOperator;
 use super::recalled::Recalled;
 use super::settings::{FirstPassSettings, Solver};
 use super::stats::{self, FirstPassStats, Range};
-use super::system::{Kept, System};
+use super::system::{Kept, Solved, System};
 use super::{DiffuseSolution, Parts, STEPS, check_appearance, descent, refuse_endless, visibility_calls};
 use crate::error::{Error, Result};
 use crate::observer::Observer;
@@ -12,6 +12,16 @@ use crate::points::SamplePoints;
 use crate::scene::{Geometry, SampledAppearance};
 use crate::visibility::VisibilityGraph;
 use std::time::Instant;
+
+/// A solution, one sweep further.
+struct Found {
+    solved: Solved,
+    /// Of all points, `[W][N]`, and so on.
+    irradiance: Vec<f32>,
+    radiance: Vec<f32>,
+    /// The true residual.
+    difference: Vec<f32>,
+}
 
 /// The first pass of a scene. It keeps what the next appearance can use again: the form factors always, rooms as long
 /// as light passes the same surfaces, and the lobes of specular points where neither they nor what they
@@ -92,25 +102,22 @@ impl<'a> Relighter<'a> {
         let setup_s = clock.elapsed().as_secs_f64() + std::mem::take(&mut self.pending_s);
         let clock = Instant::now();
         let mut recalled = std::mem::take(&mut self.recalled).serving(appearance);
+        let fresh = recalled.is_empty();
         observer.begin("first pass", STEPS);
-        let solved = match settings.solver {
-            Solver::Iterative => system.solve_iteratively(settings, &mut recalled, descent(observer)),
-            Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
+        let mut found = self.solve(&system, &mut recalled, observer);
+        // What is recalled was rounded again and again: where that shows, it is forgotten.
+        let shows = |found: &Found| {
+            let left = system.flux(&found.difference);
+            left.iter().zip(system.emitted()).any(|(left, emitted)| *left > settings.tolerance * emitted)
         };
-        observer.end();
-        let solved = solved?;
-
-        // One more sweep gives the true residual and a solution that is no worse.
-        let mut irradiance = self.diffuse.irradiance(&solved.radiance, |_| true);
-        self.recalled = recalled;
-        for more in [&solved.flow.irradiance, &system.lights.irradiance] {
-            irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
+        if !fresh && found.as_ref().map_or(true, shows) {
+            recalled = Recalled::default().serving(appearance);
+            found = self.solve(&system, &mut recalled, observer);
         }
-        let reflected = system.reflected(&irradiance);
-        let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
-        let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
+        observer.end();
+        let Found { solved, irradiance, radiance, difference } = found?;
         let emitted = system.emitted();
-        refuse_endless(&mut radiance, &emitted, |l| system.flux(l), settings)?;
+        self.recalled = recalled;
 
         // What only the report asks for is not part of the solution's time.
         let solve_s = clock.elapsed().as_secs_f64();
@@ -178,6 +185,25 @@ impl<'a> Relighter<'a> {
         let (wavelengths, radiance) = (appearance.wavelengths.clone(), by_point(&radiance));
         self.kept = system.keep();
         Ok(DiffuseSolution { wavelengths, radiance, parts, stats })
+    }
+
+    /// Solves a system, going on from what is `recalled`.
+    fn solve(&self, system: &System, recalled: &mut Recalled, observer: &dyn Observer) -> Result<Found> {
+        let settings = &self.settings;
+        let solved = match settings.solver {
+            Solver::Iterative => system.solve_iteratively(settings, recalled, descent(observer)),
+            Solver::Shooting => system.solve_by_shooting(settings, descent(observer)),
+        }?;
+        // One more sweep gives the true residual and a solution that is no worse.
+        let mut irradiance = self.diffuse.irradiance(&solved.radiance, |_| true);
+        for more in [&solved.flow.irradiance, &system.lights.irradiance] {
+            irradiance.iter_mut().zip(more).for_each(|(e, more)| *e += more);
+        }
+        let reflected = system.reflected(&irradiance);
+        let mut radiance: Vec<f32> = system.emission.iter().zip(&reflected).map(|(e, r)| e + r).collect();
+        let difference: Vec<f32> = radiance.iter().zip(&solved.radiance).map(|(a, b)| a - b).collect();
+        refuse_endless(&mut radiance, &system.emitted(), |l| system.flux(l), settings)?;
+        Ok(Found { solved, irradiance, radiance, difference })
     }
 
     /// One sweep: the irradiance of all points from the radiance of all points by diffuse exchange alone, both

@@ -329,10 +329,10 @@ impl HotLoop for Pass<'_> {
     fn run(self) {
         let Pass { rows, table, from, to, w, light, out, groups, .. } = self;
         let mut scratch = Scratch::default();
+        // What comes back to the directions of a group, to be summed over the lanes.
+        let mut back = vec![[[0.0f32; LANES]; LANES]; w];
         for own in 0..self.count.min(from.groups()) {
             let strip = rows.of(from, to, (own, groups), &mut scratch);
-            // What comes back to the directions of the group, to be summed over the lanes.
-            let mut back = vec![[[0.0f32; LANES]; LANES]; w];
             for (((&g, b), angle), range) in
                 strip.groups.iter().zip(strip.b).zip(strip.angle).zip(strip.range)
             {
@@ -376,6 +376,7 @@ impl HotLoop for Pass<'_> {
                         out[r] += sum_of(&back[r]);
                     }
                 }
+                back.fill([[0.0; LANES]; LANES]);
             }
         }
     }

@@ -24,6 +24,10 @@ const STEPS: usize = 5;
 const LARGEST: f32 = 1.4;
 /// Good enough: mean and largest relative deviation of a row.
 const GOOD: (f64, f64) = (2e-4, 2e-3);
+/// Factors are lowered again where a row is still so many times its target,
+const ABOVE: f32 = 1.002;
+/// so often at most.
+const LOWERINGS: usize = 4;
 /// What keeps changes that all but depend on each other apart, as a share of their squares.
 const APART: f64 = 1e-6;
 /// Vectors are so many numbers at a time; sums are taken in as many parts, which are short enough for `f32`.
@@ -287,19 +291,27 @@ fn good(deviation: Deviation) -> bool {
     deviation.0 < GOOD.0 && deviation.1 < GOOD.1
 }
 
-/// Lowers scale factors until no row is above its target. Returns them, and what rows then lack; their mean and largest
+/// Lowers scale factors until no row is more than its target. Returns them, and what rows then lack; their mean and largest
 /// share of the target as well.
+///
+/// Between nodes K has negative elements: a row may be less than nothing, which is held to its target as well, for it
+/// would be made up for by as much light that is spread; and it may rise as others are lowered, which takes another turn.
 pub fn lower<P: Fn(&[f32]) -> Vec<f32>>(
     problem: &Problem<P>,
-    (mut v, rows): Scaled,
+    (mut v, mut rows): Scaled,
 ) -> (Vec<f32>, Vec<f32>, Deviation) {
     let Problem { measure, target, .. } = *problem;
-    for ((v, row), (measure, target)) in v.iter_mut().zip(&rows).zip(measure.iter().zip(target)) {
-        if *measure > 0.0 && *target > 0.0 && *row > 0.0 {
-            *v *= (target / row).min(1.0);
+    let counts = |l: usize| measure[l] > 0.0 && target[l] > 0.0;
+    let (mut deviation, mut turns) = ((0.0, 0.0), 0);
+    while turns == 0
+        || turns < LOWERINGS && (0..v.len()).any(|l| counts(l) && rows[l].abs() > ABOVE * target[l])
+    {
+        for l in (0..v.len()).filter(|&l| counts(l) && rows[l].abs() > target[l]) {
+            v[l] *= target[l] / rows[l].abs();
         }
+        Seen { rows, deviation, .. } = problem.look(&v);
+        turns += 1;
     }
-    let Seen { mut rows, deviation, .. } = problem.look(&v);
     for (row, (measure, target)) in rows.iter_mut().zip(measure.iter().zip(target)) {
         *row = if *measure > 0.0 { (target - *row).max(0.0) } else { 0.0 };
     }

@@ -71,6 +71,30 @@ fn every_change_gives_the_bits_of_a_fresh_run() {
 }
 
 #[test]
+fn relights_do_not_drift_however_many_there_are() {
+    let mut scene = scene();
+    let settings = FirstPassSettings { recall: true, ..Default::default() };
+    let TestScene { geometry, points, graph, appearance } = &mut scene;
+    let mut relighter = Relighter::new(geometry, points, graph, &settings, &Silent).unwrap();
+    let roughness = [0.2, 0.26, 0.18, 0.38, 0.22, 0.14];
+    for k in 0..66 {
+        appearance.materials[GLOSS] = glossy(0.7, 0.5, roughness[k % roughness.len()], 0.1, 0.0);
+        let relit = relighter.light(appearance, &Silent).unwrap();
+        assert!(relit.stats.residual <= settings.tolerance, "{k}: {}", relit.stats.residual);
+        if k % 22 < 21 {
+            continue;
+        }
+        let fresh = solve(geometry, points, graph, appearance, &settings, &Silent).unwrap();
+        let off = |(a, b): (&f32, &f32)| f64::from((a - b).abs());
+        let off: f64 = relit.radiance.iter().zip(&fresh.radiance).map(off).sum();
+        let whole: f64 = fresh.radiance.iter().map(|l| f64::from(*l)).sum();
+        println!("{k}: off by {:.1e}", off / whole);
+        // Each may leave the tolerance, and balancing of lobes a little besides.
+        assert!(off < 5.0 * settings.tolerance * whole, "{k}: {}", off / whole);
+    }
+}
+
+#[test]
 fn recalled_solutions_end_within_the_tolerance_and_cost_less() {
     let mut scene = scene();
     let settings = FirstPassSettings { recall: true, ..Default::default() };
