@@ -264,61 +264,73 @@ fn patch(centre: DVec3, size: f64, bend: DVec3) -> Shape {
 }
 
 /// A room with balls, discs, cylinders, cones and patches in it, one around it all and one around one of them; turned,
-/// of any size, anywhere.
-fn round(make: Make, agreement: Agreement) {
-    for (size, place) in
-        [(1.0, DVec3::ZERO), (1e-3, DVec3::splat(2.0)), (1e6, DVec3::ZERO), (1.0, DVec3::X * 1e4)]
-    {
-        let mut shapes: Vec<Shape> = walls([-2.5, -2.0, -1.4], [2.5, 2.0, 1.4])
-            .iter()
-            .map(|q| Shape::Quad(q.map(|v| size * v + place)))
-            .collect();
-        let mut random = Random(7);
-        for k in 0..20 {
-            let (centre, radius) = (size * random.point() + place, size * (0.15 + 0.1 * random.next().abs()));
-            let (axis, inward) = (random.point(), k % 8 < 4);
-            let cone = |top_radius: f64| {
-                let half = 0.3 * size * axis;
-                Shape::from(Cone { base: centre - half, top: centre + half, radius, top_radius, inward })
-            };
-            shapes.push(match k % 4 {
-                0 => Shape::from(Sphere { centre, radius, inward }),
-                1 => Shape::from(Disc { centre, normal: axis.normalize(), radius }),
-                2 if k % 3 == 0 => patch(centre, 2.0 * radius, axis),
-                2 => cone(radius),
-                _ => cone(if inward { 0.0 } else { 0.4 * radius }),
-            });
-        }
-        shapes.push(Shape::from(Sphere { centre: place, radius: 4.0 * size, inward: true }));
-        let geometry = Geometry::new(
-            shapes.into_iter().enumerate().map(|(i, s)| (s, false, i as u32, ObjectId(0))).collect(),
-            vec!["round".into()],
-        );
-        let bench = Bench::new(&geometry, make, agreement);
-        let mut random = Random(8);
-        let mut met = vec![0; geometry.surfaces.len()];
-        for _ in 0..6_000 {
-            let (a, b) = (3.0 * size * random.point(), 2.0 * size * random.point());
-            bench.both(a, b);
-            let ray = Ray { origin: a, direction: b - a, t_min: 0.0, t_max: f64::INFINITY };
-            let hit = bench.tracer.closest(&ray).expect("all lies within a sphere");
-            met[hit.surface.index()] += 1;
-        }
-        assert!(met.iter().all(|&n| n > 0), "{met:?}");
-        for _ in 0..6_000 {
-            // From surface to surface, to rims and poles, along tangents, and from a surface through itself.
-            let mut pick = || &geometry.surfaces[6 + (random.next().abs() * 21.0) as usize % 21];
-            let (from, to) = (pick(), pick());
-            let mut unit = || 0.5 + 0.5 * random.next();
-            let p = from.point_at(unit(), unit());
-            let q = to.point_at(unit(), if unit() < 0.5 { 1.0 } else { unit() });
-            let tangent = from.normal_at(p).cross(q - p).normalize() * size;
-            bench.both(p, q);
-            bench.both(q, 2.0 * q - p);
-            bench.both(p - tangent, p + tangent);
-            bench.both(p, 2.0 * from.middle() - p);
-        }
+/// of any `size`, anywhere.
+fn round_shapes(make: Make, agreement: Agreement, size: f64, place: DVec3) {
+    let mut shapes: Vec<Shape> = walls([-2.5, -2.0, -1.4], [2.5, 2.0, 1.4])
+        .iter()
+        .map(|q| Shape::Quad(q.map(|v| size * v + place)))
+        .collect();
+    let mut random = Random(7);
+    for k in 0..20 {
+        let (centre, radius) = (size * random.point() + place, size * (0.15 + 0.1 * random.next().abs()));
+        let (axis, inward) = (random.point(), k % 8 < 4);
+        let cone = |top_radius: f64| {
+            let half = 0.3 * size * axis;
+            Shape::from(Cone { base: centre - half, top: centre + half, radius, top_radius, inward })
+        };
+        shapes.push(match k % 4 {
+            0 => Shape::from(Sphere { centre, radius, inward }),
+            1 => Shape::from(Disc { centre, normal: axis.normalize(), radius }),
+            2 if k % 3 == 0 => patch(centre, 2.0 * radius, axis),
+            2 => cone(radius),
+            _ => cone(if inward { 0.0 } else { 0.4 * radius }),
+        });
     }
+    shapes.push(Shape::from(Sphere { centre: place, radius: 4.0 * size, inward: true }));
+    let geometry = Geometry::new(
+        shapes.into_iter().enumerate().map(|(i, s)| (s, false, i as u32, ObjectId(0))).collect(),
+        vec!["round".into()],
+    );
+    let bench = Bench::new(&geometry, make, agreement);
+    let mut random = Random(8);
+    let mut met = vec![0; geometry.surfaces.len()];
+    for _ in 0..6_000 {
+        let (a, b) = (3.0 * size * random.point(), 2.0 * size * random.point());
+        bench.both(a, b);
+        let ray = Ray { origin: a, direction: b - a, t_min: 0.0, t_max: f64::INFINITY };
+        let hit = bench.tracer.closest(&ray).expect("all lies within a sphere");
+        met[hit.surface.index()] += 1;
+    }
+    assert!(met.iter().all(|&n| n > 0), "{met:?}");
+    for _ in 0..6_000 {
+        // From surface to surface, to rims and poles, along tangents, and from a surface through itself.
+        let mut pick = || &geometry.surfaces[6 + (random.next().abs() * 21.0) as usize % 21];
+        let (from, to) = (pick(), pick());
+        let mut unit = || 0.5 + 0.5 * random.next();
+        let p = from.point_at(unit(), unit());
+        let q = to.point_at(unit(), if unit() < 0.5 { 1.0 } else { unit() });
+        let tangent = from.normal_at(p).cross(q - p).normalize() * size;
+        bench.both(p, q);
+        bench.both(q, 2.0 * q - p);
+        bench.both(p - tangent, p + tangent);
+        bench.both(p, 2.0 * from.middle() - p);
+    }
+}
+
+fn round(make: Make, agreement: Agreement) {
+    round_shapes(make, agreement, 1.0, DVec3::ZERO);
+}
+
+fn small_round(make: Make, agreement: Agreement) {
+    round_shapes(make, agreement, 1e-3, DVec3::splat(2.0));
+}
+
+fn large_round(make: Make, agreement: Agreement) {
+    round_shapes(make, agreement, 1e6, DVec3::ZERO);
+}
+
+fn far_round(make: Make, agreement: Agreement) {
+    round_shapes(make, agreement, 1.0, DVec3::X * 1e4);
 }
 
 fn nonsense(make: Make, _: Agreement) {
@@ -386,8 +398,10 @@ macro_rules! suite {
     };
 }
 
-suite!(voxel_tracer, voxel: random_rays voxel_planes in_planes no_leaks sizes_and_places warped round nonsense batches);
-suite!(embree_tracer, embree: random_rays voxel_planes in_planes no_leaks sizes_and_places warped round nonsense batches);
+suite!(voxel_tracer, voxel: random_rays voxel_planes in_planes no_leaks sizes_and_places warped
+    round small_round large_round far_round nonsense batches);
+suite!(embree_tracer, embree: random_rays voxel_planes in_planes no_leaks sizes_and_places warped
+    round small_round large_round far_round nonsense batches);
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]
