@@ -41,6 +41,23 @@ pub fn widest<K: HotLoop>(work: K) -> K::Output {
     wide(work)
 }
 
+/// Asks for the line of the cache in which `of` begins. Nobody waits for it: what else there is to do is done meanwhile.
+#[inline(always)]
+pub fn fetch<T>(of: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: this is a hint that changes nothing but what the caches hold. It would be sound for any address; this
+        // one is that of a reference.
+        #[allow(unsafe_code)]
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(of).cast());
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = of;
+}
+
 #[cfg(target_arch = "x86_64")]
 fn has_avx512() -> bool {
     use std::arch::is_x86_feature_detected as has;

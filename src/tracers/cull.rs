@@ -5,6 +5,7 @@
 //! bound on rounding is derived in [`Line`]. What it keeps is decided in `f64`.
 
 use crate::geometry::{Aabb, Round, Surface};
+use crate::simd::fetch;
 use glam::{DMat3, DVec3};
 
 /// Boxes side by side: one register of AVX2.
@@ -125,6 +126,16 @@ impl Blocks {
             self.turned.push(Turned::new(surfaces.map(|(.., fit)| fit)));
         }
         self.blocks.push(block);
+    }
+
+    /// Asks for block `index` ahead of time.
+    #[inline(always)]
+    pub fn fetch(&self, index: usize) {
+        let Block { centre, half, ids, .. } = &self.blocks[index];
+        fetch(&centre[0]);
+        fetch(&centre[2]);
+        fetch(&half[1]);
+        fetch(ids);
     }
 
     /// The lanes of block `index` of which `line` may meet the box within the `stretch`, byte `l` 1 or 0 for lane

@@ -9,6 +9,7 @@ pub mod crosscheck;
 mod cull;
 pub mod edges;
 pub mod embree;
+mod facet;
 pub mod judge;
 mod judge_cone;
 mod judge_patch;

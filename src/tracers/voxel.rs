@@ -5,14 +5,13 @@
 
 use super::brute_force::{segment_ray, side_met};
 use super::cull::{Blocks, LANES, Line, OrientedBox, Stretch};
-use super::edges::{RayFrame, crossing, edge, is_in_box};
+use super::edges::RayFrame;
+use super::facet::Facet;
 use super::{RayTracer, Segment};
 use crate::geometry::{Hit, Ray, Round, Surface, SurfaceId};
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
-use crate::voxels::{MAX_LEVEL, Part, VoxelSettings, Voxels, Walk};
-use glam::DVec3;
-use std::cell::Cell;
+use crate::voxels::{MAX_LEVEL, Part, Step, VoxelSettings, Voxels, Walk};
 
 /// Casts rays through voxels of its own, finer than those of the visibility graph.
 #[derive(Clone, Debug)]
@@ -26,59 +25,6 @@ pub struct VoxelTracer {
     blocks: Blocks,
     /// Distance of the furthest corner of the voxels from the local origin, m.
     reach: f64,
-}
-
-/// A surface, or a part of one, made ready to be hit, no larger than the inner loop needs.
-#[derive(Clone, Debug)]
-struct Facet {
-    surface: SurfaceId,
-    part: u32,
-    /// Corners as in [`Surface::triangles`], v0 v1 v3 and v2 v3 v1, coordinate by coordinate. A triangle v0 v1 v2 is
-    /// stored as v0 v1 (v0) v2.
-    corners: [[f64; 4]; 3],
-    is_triangle: bool,
-    /// No polygon: the surface itself is asked.
-    is_round: bool,
-}
-
-impl Facet {
-    fn new(id: SurfaceId, surface: &Surface, part: usize) -> Self {
-        let (triangles, count) = surface.triangles();
-        let [a, b, d] = triangles[0];
-        let c = if count == 2 { triangles[1][0] } else { a };
-        Facet {
-            surface: id,
-            part: part as u32,
-            corners: [0, 1, 2].map(|k| [a[k], b[k], c[k], d[k]]),
-            is_triangle: count == 1,
-            is_round: count == 0,
-        }
-    }
-
-    /// [`super::brute_force::intersect_surface`], what the two triangles share computed once: the
-    /// same bits.
-    #[inline(always)]
-    fn intersect(&self, ray: &Ray, frame: &RayFrame) -> Option<f64> {
-        let [x, y, z] = frame.project_four(&self.corners);
-        let at = |v: usize| DVec3::new(x[v], y[v], z[v]);
-        let [a, b, c, d] = [at(0), at(1), at(2), at(3)];
-        let diagonal = edge(d, b);
-        let counts = |t: f64, corners: [usize; 3]| {
-            let corner = |v: usize| DVec3::new(self.corners[0][v], self.corners[1][v], self.corners[2][v]);
-            t > ray.t_min && t < ray.t_max && is_in_box(ray, t, corners.map(corner))
-        };
-        let first = crossing([diagonal, edge(a, d), edge(b, a)], [a.z, b.z, d.z]);
-        let first = first.filter(|&t| counts(t, [0, 1, 3]));
-        if self.is_triangle {
-            return first;
-        }
-        let second = crossing([-diagonal, edge(c, b), edge(d, c)], [c.z, d.z, b.z]);
-        let second = second.filter(|&t| counts(t, [2, 3, 1]));
-        match (first, second) {
-            (Some(s), Some(t)) => Some(s.min(t)),
-            (s, t) => s.or(t),
-        }
-    }
 }
 
 /// How many facets a surface is.
@@ -146,57 +92,76 @@ impl VoxelTracer {
         &self.voxels
     }
 
-    /// Calls `meet` with what the ray meets, voxel by voxel and in no order within a voxel, until it says that
-    /// no more is wanted: it is also told where the voxel ends. A surface may come several times.
+    /// A search along `ray`; `None` where that meets no voxel.
     #[inline(always)]
-    fn walk(
-        &self,
-        ray: &Ray,
-        mut meet: impl FnMut(f64, SurfaceId) -> bool,
-        mut goes_on: impl FnMut(f64) -> bool,
-    ) {
-        let Some(walk) = Walk::new(&self.voxels, ray) else { return };
-        let (_, end) = walk.limits();
+    fn search<const ANY: bool>(&self, ray: &Ray) -> Option<Search<'_, ANY>> {
+        let mut walk = Walk::new(&self.voxels, ray)?;
         let frame = RayFrame::new(ray);
         // The line's largest component has speed 1.
         let speed = ray.direction.abs().max_element();
         let line = Line::new(frame.inverse_speed() * ray.direction, ray.origin, self.reach);
-        for step in walk {
-            let (t0, t1) = (step.t_enter, step.t_exit.min(end));
-            let stretch = Stretch::new(ray.at(0.5 * (t0 + t1)), 0.5 * (t1 - t0) * speed);
-            for block in self.starts[step.voxel] as usize..self.starts[step.voxel + 1] as usize {
-                let (mut candidates, ids) = self.blocks.candidates(block, &line, &stretch);
-                while candidates != 0 {
-                    let id = ids[candidates.trailing_zeros() as usize / 8];
-                    candidates &= candidates - 1;
-                    let facet = &self.facets[id as usize];
-                    if let Some(t) = self.meet(facet, ray, &frame)
-                        && !meet(t, facet.surface)
-                    {
-                        return;
-                    }
-                }
+        let step = walk.next()?;
+        self.fetch(step.voxel);
+        Some(Search { ray: *ray, frame, line, speed, walk, step, found: NOTHING })
+    }
+
+    /// What a search along `ray` finds.
+    #[inline(always)]
+    fn find<const ANY: bool>(&self, ray: &Ray) -> Found {
+        let Some(mut search) = self.search::<ANY>(ray) else { return NOTHING };
+        while search.goes_on(self) {}
+        search.found
+    }
+
+    /// What searches along `count` rays find: `ray` gives the ray of a number, `found` hears of it. Where voxels are more than
+    /// the caches hold some go on in turn, so that what one waits for comes from memory while others go on.
+    #[inline(always)]
+    fn find_many<const ANY: bool>(
+        &self,
+        count: usize,
+        ray: impl Fn(usize) -> Ray,
+        mut found: impl FnMut(usize, &Ray, Found),
+    ) {
+        if self.blocks.count() < MANY {
+            for k in 0..count {
+                let ray = ray(k);
+                found(k, &ray, self.find::<ANY>(&ray));
             }
-            if !goes_on(step.t_exit) {
-                return;
+            return;
+        }
+        let mut abreast: Vec<(usize, Search<ANY>)> = Vec::with_capacity(ABREAST);
+        let (mut next, mut turn) = (0, 0);
+        while next < count || !abreast.is_empty() {
+            if abreast.len() < ABREAST && next < count {
+                let ray = ray(next);
+                match self.search(&ray) {
+                    Some(search) => abreast.push((next, search)),
+                    None => found(next, &ray, NOTHING),
+                }
+                next += 1;
+                continue;
+            }
+            turn = if turn + 1 < abreast.len() { turn + 1 } else { 0 };
+            let (nth, search) = &mut abreast[turn];
+            if !search.goes_on(self) {
+                found(*nth, &search.ray, search.found);
+                abreast.swap_remove(turn);
             }
         }
     }
 
+    /// Asks for the boxes of a voxel ahead of time.
     #[inline(always)]
-    fn nearest(&self, ray: &Ray) -> Option<Hit> {
-        let best = Cell::new((f64::INFINITY, SurfaceId(u32::MAX)));
-        let meet = |t: f64, id: SurfaceId| {
-            let (s, other) = best.get();
-            // Of surfaces met at once the first counts, in whatever order they are tried.
-            if t < s || t == s && id < other {
-                best.set((t, id));
-            }
-            true
-        };
-        // A hit beyond this voxel may have a nearer one before it in the voxels between.
-        self.walk(ray, meet, |t_exit| best.get().0 > t_exit);
-        let (t, surface) = best.get();
+    fn fetch(&self, voxel: usize) {
+        let first = self.starts[voxel] as usize;
+        if first < self.blocks.count() {
+            self.blocks.fetch(first);
+        }
+    }
+
+    /// What a ray hits first, given what a search for it found.
+    #[inline(always)]
+    fn hit(&self, ray: &Ray, (t, surface): Found) -> Option<Hit> {
         let surface_met = self.surfaces.get(surface.index())?;
         // Where parts of a surface meet, each finds the crossing to its own rounding. The whole is asked, as brute force asks
         // it, so that it does not matter which of them had a voxel in common with the ray.
@@ -206,16 +171,65 @@ impl VoxelTracer {
         };
         Some(Hit { surface, t, side: side_met(surface_met, ray, t) })
     }
+}
 
+/// So many searches go on in turn (measured: 16 do alike),
+const ABREAST: usize = 8;
+
+/// where there are no fewer blocks than this, 2 MB (measured between 6,000 and 24,000 surfaces).
+const MANY: usize = 8192;
+
+/// Where a ray meets which surface.
+type Found = (f64, SurfaceId);
+
+/// Nowhere.
+const NOTHING: Found = (f64::INFINITY, SurfaceId(u32::MAX));
+
+/// A search for what a ray meets first, or for `ANY` surface that it meets, voxel by voxel.
+struct Search<'a, const ANY: bool> {
+    ray: Ray,
+    frame: RayFrame,
+    line: Line,
+    /// Of the ray along the line.
+    speed: f64,
+    walk: Walk<'a>,
+    /// The voxel to be looked at.
+    step: Step,
+    found: Found,
+}
+
+impl<const ANY: bool> Search<'_, ANY> {
+    /// Looks at a voxel. Whether there is more to look at.
     #[inline(always)]
-    fn any(&self, segment: &Segment) -> Option<SurfaceId> {
-        let mut blocker = None;
-        let meet = |_, id| {
-            blocker = Some(id);
-            false
-        };
-        self.walk(&segment_ray(segment), meet, |_| true);
-        blocker
+    fn goes_on(&mut self, tracer: &VoxelTracer) -> bool {
+        let Step { voxel, t_enter, t_exit } = self.step;
+        let t_end = t_exit.min(self.walk.limits().1);
+        let stretch =
+            Stretch::new(self.ray.at(0.5 * (t_enter + t_end)), 0.5 * (t_end - t_enter) * self.speed);
+        for block in tracer.starts[voxel] as usize..tracer.starts[voxel + 1] as usize {
+            let (mut candidates, ids) = tracer.blocks.candidates(block, &self.line, &stretch);
+            while candidates != 0 {
+                let id = ids[candidates.trailing_zeros() as usize / 8];
+                candidates &= candidates - 1;
+                let facet = &tracer.facets[id as usize];
+                let Some(t) = tracer.meet(facet, &self.ray, &self.frame) else { continue };
+                // Of surfaces met at once the first counts, in whatever order they are tried.
+                if t < self.found.0 || t == self.found.0 && facet.surface < self.found.1 {
+                    self.found = (t, facet.surface);
+                }
+                if ANY {
+                    return false;
+                }
+            }
+        }
+        // A hit beyond this voxel may have a nearer one before it in the voxels between.
+        if self.found.0 <= t_exit {
+            return false;
+        }
+        let Some(step) = self.walk.next() else { return false };
+        self.step = step;
+        tracer.fetch(step.voxel);
+        true
     }
 }
 
@@ -227,7 +241,7 @@ impl HotLoop for Nearest<'_> {
 
     #[inline(always)]
     fn run(self) -> Option<Hit> {
-        self.0.nearest(self.1)
+        self.0.hit(self.1, self.0.find::<false>(self.1))
     }
 }
 
@@ -238,9 +252,9 @@ impl HotLoop for NearestOfMany<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (ray, hit) in self.1.iter().zip(self.2) {
-            *hit = self.0.nearest(ray);
-        }
+        let NearestOfMany(tracer, rays, hits) = self;
+        let count = rays.len().min(hits.len());
+        tracer.find_many::<false>(count, |k| rays[k], |k, ray, found| hits[k] = tracer.hit(ray, found));
     }
 }
 
@@ -251,7 +265,8 @@ impl HotLoop for Any<'_> {
 
     #[inline(always)]
     fn run(self) -> Option<SurfaceId> {
-        self.0.any(self.1)
+        let (t, surface) = self.0.find::<true>(&segment_ray(self.1));
+        t.is_finite().then_some(surface)
     }
 }
 
@@ -262,9 +277,10 @@ impl HotLoop for AnyOfMany<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (segment, blocked) in self.1.iter().zip(self.2) {
-            *blocked = self.0.any(segment).is_some();
-        }
+        let AnyOfMany(tracer, segments, blocked) = self;
+        let count = segments.len().min(blocked.len());
+        let ray = |k: usize| segment_ray(&segments[k]);
+        tracer.find_many::<true>(count, ray, |k, _, found| blocked[k] = found.0.is_finite());
     }
 }
 

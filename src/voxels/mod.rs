@@ -13,6 +13,7 @@ pub use walk::{Step, Walk};
 
 use crate::geometry::{Aabb, SurfaceId};
 use crate::points::SamplePoints;
+use crate::simd::fetch;
 use glam::DVec3;
 
 /// No subdivision goes deeper: SI has at most `2^MAX_LEVEL` cells (8 MiB).
@@ -155,11 +156,23 @@ impl Voxels {
         self.entry(cell).0
     }
 
+    /// The place of SI[i, j, k].
+    #[inline(always)]
+    fn place(&self, [i, j, k]: [u32; 3]) -> usize {
+        let [nx, ny, _] = self.halvings;
+        (((k << ny | j) << nx) | i) as usize
+    }
+
+    /// Asks for SI[i, j, k] ahead of time.
+    #[inline(always)]
+    fn fetch(&self, cell: [u32; 3]) {
+        fetch(&self.index[self.place(cell)]);
+    }
+
     /// The voxel SI[i, j, k], and the mask of its level.
     #[inline(always)]
-    fn entry(&self, [i, j, k]: [u32; 3]) -> (usize, [u32; 3]) {
-        let [nx, ny, _] = self.halvings;
-        let entry = self.index[(((k << ny | j) << nx) | i) as usize];
+    fn entry(&self, cell: [u32; 3]) -> (usize, [u32; 3]) {
+        let entry = self.index[self.place(cell)];
         ((entry & ((1 << VOXEL_BITS) - 1)) as usize, self.masks[(entry >> VOXEL_BITS) as usize])
     }
 }

@@ -170,6 +170,9 @@ impl Iterator for Walk<'_> {
             y.cell = next(y, last_y, by_y);
             z.cell = next(z, last_z, !by_x && !by_y);
             self.done = x.cell >= x.cells || y.cell >= y.cells || z.cell >= z.cells;
+            if !self.done {
+                self.voxels.fetch([x.cell, y.cell, z.cell]);
+            }
         } else {
             self.done = true;
         }

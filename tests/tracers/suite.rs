@@ -3,7 +3,7 @@
 
 use crate::furnished_room::{block, geometry, quads, walls};
 use glam::{DMat3, DVec3};
-use luxgraph::geometry::{Cone, Disc, Patch, Ray, Shape, Sphere};
+use luxgraph::geometry::{Cone, Disc, Hit, Patch, Ray, Shape, Sphere};
 use luxgraph::scene::{Geometry, ObjectId};
 use luxgraph::tracers::brute_force::BruteForce;
 use luxgraph::tracers::judge::{Crossing, END_ULPS, crossing, judge, judge_closest};
@@ -360,8 +360,19 @@ fn nonsense(make: Make, _: Agreement) {
 }
 
 fn batches(make: Make, _: Agreement) {
-    let geometry = geometry(&quads());
-    let tracer = make(&geometry);
+    batches_in(make, &geometry(&quads()));
+}
+
+/// Where searches go on in turn.
+fn large_batches(make: Make, _: Agreement) {
+    let hall = luxgraph::report::bench::hall::hall(24, 24).geometry;
+    assert!(VoxelTracer::new(&hall).voxels().len() > 10_000);
+    batches_in(make, &hall);
+}
+
+/// Many rays at once are answered as each by itself.
+fn batches_in(make: Make, geometry: &Geometry) {
+    let tracer = make(geometry);
     let mut random = Random(6);
     let half = geometry.bounds().max;
     let segments: Vec<Segment> = (0..1000)
@@ -373,6 +384,22 @@ fn batches(make: Make, _: Agreement) {
     let differ = alone.zip(&blocked).filter(|(a, b)| a != *b).count();
     assert!(differ <= 1, "{differ} of 1000 segments differ between one and many");
     assert!(blocked.contains(&true) && blocked.contains(&false));
+
+    let ray = |k: usize, segment: &Segment| {
+        let (from, to) = (segment.from.as_dvec3(), segment.to.as_dvec3());
+        // Some end early, some hit nothing, and some are none.
+        let t_max = if k % 3 == 0 { 0.3 } else { f64::INFINITY };
+        let origin = if k % 50 == 0 { from + 100.0 * half } else { from };
+        let direction = if k % 70 == 0 { DVec3::NAN } else { to - from };
+        Ray { origin, direction, t_min: 0.0, t_max }
+    };
+    let rays: Vec<Ray> = segments.iter().enumerate().map(|(k, segment)| ray(k, segment)).collect();
+    let mut hits = vec![None; rays.len()];
+    tracer.closest_batch(&rays, &mut hits);
+    let met = |hit: &Option<Hit>| hit.map(|hit| (hit.surface, hit.side, hit.t));
+    let differ = rays.iter().zip(&hits).filter(|(ray, hit)| met(&tracer.closest(ray)) != met(hit)).count();
+    assert!(differ <= 1, "{differ} of 1000 rays differ between one and many");
+    assert!(hits.iter().any(Option::is_none) && hits.iter().filter(|hit| hit.is_some()).count() > 500);
 }
 
 fn voxel(check: fn(Make, Agreement)) {
@@ -399,9 +426,9 @@ macro_rules! suite {
 }
 
 suite!(voxel_tracer, voxel: random_rays voxel_planes in_planes no_leaks sizes_and_places warped
-    round small_round large_round far_round nonsense batches);
+    round small_round large_round far_round nonsense batches large_batches);
 suite!(embree_tracer, embree: random_rays voxel_planes in_planes no_leaks sizes_and_places warped
-    round small_round large_round far_round nonsense batches);
+    round small_round large_round far_round nonsense batches large_batches);
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]
