@@ -7,7 +7,7 @@ use super::flat::lies_under;
 use super::graph::{Edge, VisibilityGraph, edge_index};
 use super::patch::Patch;
 use super::stats::GraphStats;
-use super::tile::{PairWork, VoxelPair};
+use super::voxel_pair::{PairWork, VoxelPair};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Surface};
 use crate::observer::Observer;

@@ -30,6 +30,7 @@ mod through;
 mod tile;
 mod transpose;
 mod update;
+mod voxel_pair;
 
 pub use build::GraphSettings;
 pub use graph::{Edge, Tile, VisibilityGraph};

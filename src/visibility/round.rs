@@ -3,7 +3,7 @@
 
 use super::cull::meets_shaft;
 use super::patch::Patch;
-use super::tile::PairWork;
+use super::voxel_pair::PairWork;
 use crate::geometry::Aabb;
 use crate::points::facing::SidePlane;
 

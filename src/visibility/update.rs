@@ -18,7 +18,7 @@ use super::kept::{Kept, Run};
 use super::pairs::set;
 use super::passing::Passing;
 use super::patch::Patch;
-use super::tile::{PairWork, VoxelPair, blocks, pays};
+use super::voxel_pair::{PairWork, VoxelPair, blocks, pays};
 use crate::error::Result;
 use crate::geometry::Aabb;
 use crate::observer::Observer;
