@@ -7,6 +7,7 @@ mod buffers;
 mod census;
 mod dress;
 mod gltf;
+mod gltf_lights;
 mod gltf_materials;
 mod look;
 mod mesh;
