@@ -388,9 +388,9 @@ fn batches_in(make: Make, geometry: &Geometry) {
     let ray = |k: usize, segment: &Segment| {
         let (from, to) = (segment.from.as_dvec3(), segment.to.as_dvec3());
         // Some end early, some hit nothing, and some are none.
-        let t_max = if k % 3 == 0 { 0.3 } else { f64::INFINITY };
-        let origin = if k % 50 == 0 { from + 100.0 * half } else { from };
-        let direction = if k % 70 == 0 { DVec3::NAN } else { to - from };
+        let t_max = if k.is_multiple_of(3) { 0.3 } else { f64::INFINITY };
+        let origin = if k.is_multiple_of(50) { from + 100.0 * half } else { from };
+        let direction = if k.is_multiple_of(70) { DVec3::NAN } else { to - from };
         Ray { origin, direction, t_min: 0.0, t_max }
     };
     let rays: Vec<Ray> = segments.iter().enumerate().map(|(k, segment)| ray(k, segment)).collect();
