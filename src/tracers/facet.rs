@@ -7,7 +7,9 @@ use glam::DVec3;
 /// A surface, or a part of one, made ready to be hit, no larger than the inner loop needs.
 #[derive(Clone, Debug)]
 pub(super) struct Facet {
+    /// The surface,
     pub surface: SurfaceId,
+    /// and which part of it, 0 where it has no other.
     pub part: u32,
     /// Corners as in [`Surface::triangles`], v0 v1 v3 and v2 v3 v1, coordinate by coordinate. A triangle v0 v1 v2 is
     /// stored as v0 v1 (v0) v2.
@@ -18,6 +20,7 @@ pub(super) struct Facet {
 }
 
 impl Facet {
+    /// Part number `part` of `surface`, whose number is `id`.
     pub fn new(id: SurfaceId, surface: &Surface, part: usize) -> Self {
         let (triangles, count) = surface.triangles();
         let [a, b, d] = triangles[0];
@@ -31,8 +34,8 @@ impl Facet {
         }
     }
 
-    /// [`intersect_surface`](super::brute_force::intersect_surface), what the two triangles share computed once: the
-    /// same bits.
+    /// Where `ray`, whose frame this is, meets it first within its limits, as the ray's parameter:
+    /// [`intersect_surface`](super::brute_force::intersect_surface), what the two triangles share computed once: the same bits.
     #[inline(always)]
     pub fn intersect(&self, ray: &Ray, frame: &RayFrame) -> Option<f64> {
         let [x, y, z] = frame.project_four(&self.corners);

@@ -1,9 +1,23 @@
-//! Do all checks of `luxgraph validate` pass? Built without Embree they are put to the voxel tracer.
+//! Do all checks of `luxgraph validate` pass, whichever tracer answers?
 
 use luxgraph::tracers::embree;
 use luxgraph::validate::{Case, Tolerance};
 use serde_json::Value;
 use std::process::Command;
+
+/// Where it is not the only tracer: then the command's own run below is this.
+#[cfg(feature = "embree")]
+#[test]
+fn all_checks_pass_with_the_voxel_tracer() {
+    use luxgraph::observer::Silent;
+    use luxgraph::tracers::TracerChoice;
+    use luxgraph::validate;
+
+    let groups = validate::run(TracerChoice::Voxel, &Silent).unwrap();
+    let failed: Vec<&Case> = groups.iter().flat_map(|g| &g.cases).filter(|c| !c.passes()).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    assert!(groups.iter().all(|g| !g.cases.is_empty()));
+}
 
 /// The tracer that is chosen by default, through the command.
 #[test]
