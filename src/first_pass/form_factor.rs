@@ -3,7 +3,7 @@
 //! All functions return q = π F, the projected solid angle of the element seen from the point.
 
 use super::round::{of_own, of_piece};
-use crate::points::SamplePoints;
+use crate::points::{Middle, SamplePoints};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -78,13 +78,13 @@ pub fn extent2(points: &SamplePoints, j: usize) -> f32 {
 }
 
 /// q of element `j` seen from point `i`, near or far: of a polygon exact, else by smaller pieces of the true
-/// surface.
-pub fn near(points: &SamplePoints, i: usize, j: usize) -> f64 {
+/// surface, of which some or none of the middles are `known`.
+pub fn near(points: &SamplePoints, i: usize, j: usize, known: &[Middle]) -> f64 {
     match points.round(j) {
         Some(piece) if points.surface[i] == points.surface[j] => {
-            points.round(i).map_or(0.0, |from| of_own(&from, &piece))
+            points.round(i).map_or(0.0, |from| of_own(&from, &piece, known))
         }
-        Some(piece) => of_piece(points.position[i], points.normal[i], &piece),
+        Some(piece) => of_piece(points.position[i], points.normal[i], &piece, known),
         None => exact(points.position[i], points.normal[i], &points.corners[j]),
     }
 }
@@ -94,7 +94,7 @@ pub fn near(points: &SamplePoints, i: usize, j: usize) -> f64 {
 pub fn projected_solid_angle(points: &SamplePoints, i: usize, j: usize, analytic: bool) -> f32 {
     let (d_i, d_j, r2) = plane_distances(points, i, j);
     if analytic && extent2(points, j) > NEAR * r2 {
-        near(points, i, j) as f32
+        near(points, i, j, &[]) as f32
     } else {
         plain(d_i, d_j, r2, points.area[j])
     }

@@ -328,7 +328,7 @@ fn into_pieces(distribution: &Distribution, corners: [DVec3; 4], depth: u8) -> f
 fn into_piece(light: &Light, piece: &Piece) -> f64 {
     const SMALL: f64 = 2.5e-3;
     let fine = |place: DVec3, area: f64| area <= SMALL * place.distance_squared(light.place());
-    piece.sum(DEEPEST, fine, |place, normal, area| {
+    piece.sum(&[], DEEPEST, fine, |place, normal, area| {
         let way = light.seen_from(place);
         let share = area * normal.dot(way.direction).max(0.0) * way.share;
         if share.is_finite() { share } else { 0.0 }

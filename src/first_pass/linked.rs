@@ -90,11 +90,11 @@ impl<'a> LinkedOperator<'a> {
         if let Some(round) = points.rounds.get(&surface) {
             let piece = Piece { round, side, cell };
             if points.surface[i] == surface {
-                return points.round(i).map_or(0.0, |from| of_own(&from, &piece)) as f32;
+                return points.round(i).map_or(0.0, |from| of_own(&from, &piece, &[])) as f32;
             }
             let near = cluster.area > NEAR * r2 || cluster.len() > 1;
             return if near {
-                of_piece(points.position[i], points.normal[i], &piece) as f32
+                of_piece(points.position[i], points.normal[i], &piece, &[]) as f32
             } else {
                 of_plain()
             };

@@ -9,7 +9,7 @@ use super::round::{of_own, of_whole};
 use super::schedule::row_bits;
 use crate::geometry::{Round, Shape, Side, SurfaceId};
 use crate::observer::Observer;
-use crate::points::{Piece, SamplePoints};
+use crate::points::{Middle, Piece, SamplePoints};
 use crate::scene::Geometry;
 use crate::simd::{HotLoop, wide};
 use crate::visibility::Tile;
@@ -20,6 +20,12 @@ use std::f32::consts::PI;
 /// A surface is summed up exactly when its far elements may be wrong by more than about a third of
 /// this projected solid angle, sr.
 pub(super) const DOUBT: f32 = 1e-5;
+
+/// So many middles of pieces are kept at most, 56 bytes each,
+const MIDDLES: usize = 1 << 20;
+
+/// and no more levels of them for an element.
+const LEVELS: u8 = 3;
 
 /// The corrections of one receiver.
 #[derive(Clone, Debug, Default)]
@@ -94,15 +100,24 @@ struct Sides {
     of_patch: Vec<usize>,
     /// [`extent2`] of every element, by groups of lanes, in units of the layout.
     extent2: Vec<Lanes>,
+    /// By element, as far as it is no polygon: its [`Piece::middles`].
+    middles: Vec<Vec<Middle>>,
 }
 
 impl Sides {
     fn new(geometry: &Geometry, points: &SamplePoints, layout: &Layout) -> Self {
         let mut found = std::collections::HashMap::new();
+        let round = (0..points.len()).filter(|&j| points.round(j).is_some()).count();
+        let fit = |levels: u8| round * (4usize.pow(u32::from(levels) + 1) / 3) <= MIDDLES;
+        let levels = (0..=LEVELS).rev().find(|&levels| fit(levels)).unwrap_or(0);
         let mut sides = Sides {
             wholes: Vec::new(),
             of_patch: Vec::with_capacity(layout.patches.len()),
             extent2: vec![[0.0; LANES]; layout.lane_area.len()],
+            middles: (0..points.len())
+                .into_par_iter()
+                .map(|j| points.round(j).map_or_else(Vec::new, |piece| piece.middles(levels)))
+                .collect(),
         };
         for patch in &layout.patches {
             let first = patch.points.start;
@@ -191,7 +206,7 @@ impl Receivers<'_> {
 
         let mut row = Row::default();
         for Near { element, side, plain, visible } in close.drain(..) {
-            let q = near(points, i, element);
+            let q = near(points, i, element, &self.sides.middles[element]);
             sums[side].all += q;
             if visible {
                 row.entries.push((element as u32, (q - f64::from(plain)) as f32));
@@ -200,7 +215,7 @@ impl Receivers<'_> {
             }
         }
         let hollow = points.round(i).filter(Piece::faces_itself);
-        let own = hollow.map_or(0.0, |piece| of_own(&piece, &piece));
+        let own = hollow.map_or(0.0, |piece| of_own(&piece, &piece, &self.sides.middles[i]));
         if own > 0.0 {
             row.entries.push((i as u32, own as f32));
         }

@@ -2,7 +2,7 @@
 
 use super::form_factor::NEAR;
 use crate::geometry::{Cone, Disc, Profile, Round, Side};
-use crate::points::Piece;
+use crate::points::{Middle, Piece};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -12,11 +12,11 @@ const DEEPEST: u8 = 8;
 
 /// Of a piece of a surface that is no polygon seen from a point of another surface: the plain kernel over pieces of
 /// it, each with its own place and normal, as small as that is right for; what is below the horizon or faces away does
-/// not count.
-pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece) -> f64 {
+/// not count. Some or none of the [`Piece::middles`] are `known`.
+pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece, known: &[Middle]) -> f64 {
     let (o, n) = (position.as_dvec3(), normal.as_dvec3());
     let fine = |place: DVec3, area: f64| area <= 0.25 * f64::from(NEAR) * place.distance_squared(o);
-    let q = piece.sum(DEEPEST, fine, |place, its, area| {
+    let q = piece.sum(known, DEEPEST, fine, |place, its, area| {
         let d = place - o;
         let r2 = d.length_squared();
         let kernel = area * n.dot(d).max(0.0) * (-its.dot(d)).max(0.0) / (r2 * r2);
@@ -29,14 +29,14 @@ pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece) -> f64 {
 /// d_i = d_j = r² / 2R, so the kernel is A / 4R² whatever the points. Elsewhere it is bounded in the same way, by the
 /// curvature, and some few pieces add up to it however near they are; but for the tip of a cone, about which it turns
 /// within an element.
-pub fn of_own(from: &Piece, piece: &Piece) -> f64 {
+pub fn of_own(from: &Piece, piece: &Piece, known: &[Middle]) -> f64 {
     if let Round::Sphere(sphere) = piece.round {
         return piece.area() / (4.0 * sphere.radius * sphere.radius);
     }
     let o = from.at(0.5, 0.5);
     let n = from.normal_at(o);
     let fine = |place: DVec3, area: f64| area <= 0.02 * place.distance_squared(o);
-    piece.sum(4, fine, |place, its, area| {
+    piece.sum(known, 4, fine, |place, its, area| {
         let d = place - o;
         let r2 = d.length_squared();
         let kernel = area * n.dot(d).max(0.0) * (-its.dot(d)).max(0.0) / (r2 * r2);
@@ -174,6 +174,7 @@ mod tests {
     fn fine(o: Vec3, n: Vec3, piece: &Piece) -> f64 {
         let (o, n) = (o.as_dvec3(), n.as_dvec3());
         piece.sum(
+            &[],
             9,
             |_, _| false,
             |place, its, area| {
@@ -202,7 +203,7 @@ mod tests {
                         (whole - expected).abs() < 3e-4,
                         "{round:?} {place} {normal}: {whole} {expected}"
                     );
-                    let pieces = of_piece(place, normal, &piece);
+                    let pieces = of_piece(place, normal, &piece, &[]);
                     assert!(
                         (pieces - expected).abs() < 0.02 * expected + 2e-3,
                         "{place} {normal}: {pieces} {expected}"

@@ -104,7 +104,7 @@ impl<'a> Cell<'a> {
     pub fn factor(&self, place: &Place) -> f64 {
         // Relative to the sensor, so that rounding to `f32` costs nothing close by.
         if let Some(piece) = &self.piece {
-            return of_piece(place.position.as_vec3(), place.normal.as_vec3(), piece);
+            return of_piece(place.position.as_vec3(), place.normal.as_vec3(), piece, &[]);
         }
         let near = self.corners.map(|c| (c.as_dvec3() - place.position).as_vec3());
         exact(Vec3::ZERO, place.normal.as_vec3(), &near)

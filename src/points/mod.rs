@@ -18,7 +18,7 @@ pub use density::area_factor_for;
 pub use groups::{Group, groups};
 pub use hierarchy::{Cluster, Hierarchy};
 pub use neighbours::MAX_EXTRA_LEVELS;
-pub use piece::Piece;
+pub use piece::{Middle, Piece};
 pub use refine::{MAX_POINTS, refine, request_key, sample};
 pub use subdivide::{Element, divide_by_area, element_area};
 

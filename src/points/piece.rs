@@ -117,30 +117,66 @@ impl<'a> Piece<'a> {
         [0, 1, 2, 3].map(|child| Piece { cell: self.cell.child(child), ..*self })
     }
 
+    /// The middles of the piece, of its quarters, of theirs and so on, `levels` deep, for [`Piece::sum`] to look up where
+    /// it is asked for often. The quarters of the `k`th are number 4 k + 1 and following.
+    pub fn middles(&self, levels: u8) -> Vec<Middle> {
+        let mut pieces = vec![*self];
+        let mut middles = Vec::new();
+        let deepest = (self.cell.level + levels).min(Cell::MAX_LEVEL);
+        while let Some(&piece) = pieces.get(middles.len()) {
+            let (place, area) = piece.middle(self);
+            middles.push(Middle { place, normal: piece.normal_of(0.5, 0.5), area });
+            if piece.cell.level < deepest {
+                pieces.extend(piece.quarters());
+            }
+        }
+        middles
+    }
+
+    /// The middle of this piece, which is a part of `whole` or all of it, and the area that it stands for.
+    fn middle(&self, whole: &Piece) -> (DVec3, f64) {
+        let (low, size) = self.cell.square();
+        let middle = low + 0.5 * size;
+        // The element itself has the area that it stands for.
+        let is_whole = self.cell.level == whole.cell.level;
+        let area = if is_whole { self.area() } else { self.round.stretch(middle) * (size * size) };
+        (self.round.point_at(middle.x, middle.y), area)
+    }
+
     /// Adds up `value(place, normal, area)` over pieces small enough that `fine(place, area)` holds, or
-    /// divided `deepest` times: a midpoint sum that follows the true surface.
+    /// divided `deepest` times: a midpoint sum that follows the true surface. Some or none of the [`Piece::middles`] are
+    /// `known`.
     pub fn sum(
         &self,
+        known: &[Middle],
         deepest: u8,
         fine: impl Fn(DVec3, f64) -> bool,
         mut value: impl FnMut(DVec3, DVec3, f64) -> f64,
     ) -> f64 {
         let last = (self.cell.level + deepest).min(Cell::MAX_LEVEL);
         let mut sum = 0.0;
-        let mut left = vec![*self];
-        while let Some(piece) = left.pop() {
-            let (low, size) = piece.cell.square();
-            let middle = low + 0.5 * size;
-            let place = self.round.point_at(middle.x, middle.y);
-            // The element itself has the area that it stands for.
-            let whole = piece.cell.level == self.cell.level;
-            let area = if whole { self.area() } else { self.round.stretch(middle) * (size * size) };
+        let mut left = vec![(*self, 0)];
+        while let Some((piece, k)) = left.pop() {
+            let known = known.get(k);
+            let (place, area) = known.map_or_else(|| piece.middle(self), |m| (m.place, m.area));
             if piece.cell.level < last && !fine(place, area) {
-                left.extend(piece.quarters().into_iter().rev());
+                let quarters = piece.quarters().into_iter().enumerate();
+                left.extend(quarters.rev().map(|(child, quarter)| (quarter, 4 * k + 1 + child)));
             } else {
-                sum += value(place, piece.normal_of(0.5, 0.5), area);
+                sum += value(place, known.map_or_else(|| piece.normal_of(0.5, 0.5), |m| m.normal), area);
             }
         }
         sum
     }
+}
+
+/// The middle of a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Middle {
+    /// Where it is, m.
+    pub place: DVec3,
+    /// Unit normal of the side there.
+    pub normal: DVec3,
+    /// The area that it stands for, m².
+    pub area: f64,
 }

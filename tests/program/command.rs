@@ -260,9 +260,16 @@ fn a_reader_that_leaves_early_does_no_harm() {
 fn tradeoff_measures_once_and_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let (out, report) = (folder.path().join("t"), folder.path().join("t.json"));
+    // The box in elements ten times as large.
+    let scene = std::fs::read_to_string("scenes/cornell_box.toml").unwrap();
+    let spectra = std::fs::canonicalize("scenes/spectra").unwrap();
+    let scene = scene.replace("max_area = 0.0", "max_area = 0.");
+    let scene = scene.replace("\"spectra/", &format!("\"{}/", text(&spectra)));
+    let coarse = folder.path().join("coarse.toml");
+    std::fs::write(&coarse, scene).unwrap();
     let args = [
         "tradeoff",
-        "scenes/cornell_box.toml",
+        text(&coarse),
         "--quick",
         "--size",
         "12x12",
@@ -300,7 +307,7 @@ fn tradeoff_measures_once_and_goes_on_where_it_was() {
         2,
         &[
             "tradeoff",
-            "scenes/cornell_box.toml",
+            text(&coarse),
             "-o",
             text(&out),
             "--size",
