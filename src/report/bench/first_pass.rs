@@ -2,7 +2,7 @@
 //! the first.
 
 use crate::error::Result;
-use crate::first_pass::Relighter;
+use crate::first_pass::{DiffuseSolution, FirstPassStats, Relighter};
 use crate::material::{Body, Fresnel, Level, Material};
 use crate::observer::Observer;
 use crate::pipeline::{self, Prepared};
@@ -18,7 +18,10 @@ use std::time::Instant;
 /// few columns, so that all threads have work.
 const ROWS: usize = 128;
 
-/// Timings of the first pass of one scene. The sweep and the product take turns and the median counts.
+/// The first pass and all new appearances after it are timed so often.
+const TURNS: usize = 3;
+
+/// Timings of the first pass of one scene: medians of three turns. The sweep and the product take turns as well.
 #[derive(Clone, Debug, Serialize)]
 pub struct FirstPassBench {
     /// N.
@@ -91,36 +94,37 @@ pub fn measure(
     repeats: usize,
     observer: &dyn Observer,
 ) -> Result<FirstPassBench> {
-    let geometry = &scene.geometry;
     let mut settings = settings.clone();
     settings.first_pass.recall = true;
     let settings = &settings;
-    let clock = Instant::now();
-    let mut relighter = pipeline::relighter(geometry, prepared, settings, observer)?;
-    let form_factors_s = clock.elapsed().as_secs_f64();
-    let sampled = Instant::now();
-    let (_, first) = pipeline::relight(geometry, &mut relighter, &scene.appearance, settings, observer)?;
-    let first_s = form_factors_s + sampled.elapsed().as_secs_f64();
-    let graph_s = prepared.graph.stats.build_s;
-    let mut relights = Vec::new();
-    for (change, appearance) in changes {
-        let clock = Instant::now();
-        let (_, solution) = pipeline::relight(geometry, &mut relighter, appearance, settings, observer)?;
-        let total_s = clock.elapsed().as_secs_f64();
-        let stats = solution.stats;
-        relights.push(RelightBench {
+    let mut turns = Vec::new();
+    for _ in 1..TURNS {
+        turns.push(Turn::take(scene, prepared, settings, changes, observer)?.0);
+    }
+    let (turn, relighter) = Turn::take(scene, prepared, settings, changes, observer)?;
+    turns.push(turn);
+    let of = |time: &dyn Fn(&Turn) -> f64| median(turns.iter().map(time).collect());
+    let (first, graph_s) = (&turns[0].first.0, prepared.graph.stats.build_s);
+    let full_s = graph_s + of(&|turn| turn.first.1);
+    let relight = |(k, (change, _)): (usize, &(String, Appearance))| {
+        let total_s = of(&|turn| turn.relights[k].1);
+        let (setup_s, solve_s) =
+            (of(&|turn| turn.relights[k].0.setup_s), of(&|turn| turn.relights[k].0.solve_s));
+        let stats = &turns[0].relights[k].0;
+        RelightBench {
             change: change.clone(),
-            sample_s: (total_s - stats.setup_s - stats.solve_s).max(0.0),
-            setup_s: stats.setup_s,
-            solve_s: stats.solve_s,
+            sample_s: (total_s - setup_s - solve_s).max(0.0),
+            setup_s,
+            solve_s,
             total_s,
-            share_of_full: total_s / (graph_s + first_s),
+            share_of_full: total_s / full_s,
             sweeps: stats.sweeps,
             rounds: stats.rounds,
             specular_points_reused: stats.specular_points_reused,
-        });
-    }
-    let (n, w) = (prepared.points.len(), first.wavelengths.len());
+        }
+    };
+    let relights = changes.iter().enumerate().map(relight).collect();
+    let (n, w) = (prepared.points.len(), turns[0].wavelengths);
     let bytes = 4 * (n * n) as u64;
     let (ceiling_s, sweep_s) = take_turns(&relighter, n, w, bytes <= most_bytes, repeats);
     Ok(FirstPassBench {
@@ -130,16 +134,57 @@ pub fn measure(
         ceiling_memory_bytes: bytes,
         sweep_s,
         ratio: ceiling_s.map(|ceiling| sweep_s / ceiling),
-        sweeps: first.stats.sweeps,
-        rounds: first.stats.rounds,
+        sweeps: first.sweeps,
+        rounds: first.rounds,
         tolerance: settings.first_pass.tolerance,
-        specular_points: first.stats.specular_points,
+        specular_points: first.specular_points,
         graph_s,
-        form_factors_s,
-        setup_s: first.stats.setup_s,
-        solve_s: first.stats.solve_s,
+        form_factors_s: of(&|turn| turn.form_factors_s),
+        setup_s: of(&|turn| turn.first.0.setup_s),
+        solve_s: of(&|turn| turn.first.0.solve_s),
         relights,
     })
+}
+
+/// A first pass and all new appearances after it.
+struct Turn {
+    /// W.
+    wavelengths: usize,
+    /// Form factors, s.
+    form_factors_s: f64,
+    /// The first appearance, and all of its time, s.
+    first: (FirstPassStats, f64),
+    /// The others, likewise.
+    relights: Vec<(FirstPassStats, f64)>,
+}
+
+impl Turn {
+    fn take<'a>(
+        scene: &'a Scene,
+        prepared: &'a Prepared,
+        settings: &Settings,
+        changes: &[(String, Appearance)],
+        observer: &dyn Observer,
+    ) -> Result<(Turn, Relighter<'a>)> {
+        let geometry = &scene.geometry;
+        let clock = Instant::now();
+        let mut relighter = pipeline::relighter(geometry, prepared, settings, observer)?;
+        let form_factors_s = clock.elapsed().as_secs_f64();
+        let mut light = |appearance: &Appearance| -> Result<(DiffuseSolution, f64)> {
+            let clock = Instant::now();
+            let (_, solution) = pipeline::relight(geometry, &mut relighter, appearance, settings, observer)?;
+            Ok((solution, clock.elapsed().as_secs_f64()))
+        };
+        let (first, first_s) = light(&scene.appearance)?;
+        let relights = changes.iter().map(|(_, appearance)| {
+            let (solution, total_s) = light(appearance)?;
+            Ok((solution.stats, total_s))
+        });
+        let relights = relights.collect::<Result<_>>()?;
+        let wavelengths = first.wavelengths.len();
+        let first = (first.stats, form_factors_s + first_s);
+        Ok((Turn { wavelengths, form_factors_s, first, relights }, relighter))
+    }
 }
 
 /// Medians of the times of the product, if `stored`, and of a sweep.
