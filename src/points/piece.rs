@@ -180,3 +180,46 @@ pub struct Middle {
     /// The area that it stands for, m².
     pub area: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cone, Disc, Sphere};
+
+    #[test]
+    fn sums_have_the_same_bits_whatever_is_known() {
+        let (centre, radius) = (DVec3::new(0.2, -0.1, 0.4), 0.7);
+        let rounds = [
+            Round::Disc(Disc { centre, normal: DVec3::new(0.6, 0.0, 0.8), radius }),
+            Round::Sphere(Sphere { centre, radius, inward: true }),
+            Round::Cone(Cone {
+                base: centre,
+                top: centre + DVec3::Z,
+                radius,
+                top_radius: 0.2,
+                inward: false,
+            }),
+        ];
+        let from = DVec3::new(1.5, 0.3, -0.2);
+        for round in &rounds {
+            for piece in [Piece::whole(round, Side::Back), Piece::whole(round, Side::Front).quarters()[2]] {
+                let sum = |known: &[Middle]| {
+                    let fine = |place: DVec3, area: f64| area < 4e-3 * place.distance_squared(from);
+                    let mut pieces = 0;
+                    let sum = piece.sum(known, 6, fine, |place, normal, area| {
+                        pieces += 1;
+                        area * normal.dot(from - place)
+                    });
+                    (sum.to_bits(), pieces)
+                };
+                let (bits, pieces) = sum(&[]);
+                assert!(pieces > 64, "deeper than what is known, {pieces}");
+                for levels in 0..4 {
+                    let known = piece.middles(levels);
+                    assert_eq!(known.len(), 4usize.pow(u32::from(levels) + 1) / 3);
+                    assert_eq!(sum(&known), (bits, pieces), "{round:?}, {levels} levels");
+                }
+            }
+        }
+    }
+}

@@ -74,7 +74,8 @@ impl Asks {
         tracing.tracer.occluded_batch(&self.segments, &mut blocked);
         for &(k, from, to) in &self.beams {
             if blocked[k]
-                && let Some(through) = tracing.through(from, to)
+                && let Some(through) =
+                    Passages::light(tracing.geometry, tracing.appearance, tracing.tracer, from, to)
             {
                 self.light[k * w..][..w].iter_mut().zip(through).for_each(|(l, t)| *l *= f64::from(t));
                 blocked[k] = false;
@@ -124,11 +125,5 @@ impl Tracing<'_> {
             }
         };
         Some(Ask { end, direction, emission, from })
-    }
-
-    /// What panes let through on the straight way to a light; `None` where anything else is in the way.
-    fn through(&self, from: DVec3, to: DVec3) -> Option<Vec<f32>> {
-        let list = Passages::walk(self.geometry, self.tracer, from, to)?;
-        self.appearance.through(self.geometry, &list, (to - from).normalize())
     }
 }

@@ -98,7 +98,7 @@ impl<'a> Direct<'a> {
         let w = self.appearance.wavelengths.len();
         for &(k, from, to) in &*beams {
             if blocked[k]
-                && let Some(through) = self.through(from, to)
+                && let Some(through) = Passages::light(self.geometry, self.appearance, self.tracer, from, to)
             {
                 light[k * w..][..w].iter_mut().zip(through).for_each(|(l, t)| *l *= t);
                 blocked[k] = false;
@@ -111,12 +111,6 @@ impl<'a> Direct<'a> {
             sum.iter_mut().zip(light).for_each(|(sum, l)| *sum += f64::from(*l));
         }
         film.shadows = shadows;
-    }
-
-    /// What panes let through of directional light; `None` where anything else is in the way.
-    fn through(&self, from: DVec3, to: DVec3) -> Option<Vec<f32>> {
-        let list = Passages::walk(self.geometry, self.tracer, from, to)?;
-        self.appearance.through(self.geometry, &list, (to - from).normalize())
     }
 
     fn ask(

@@ -1,7 +1,7 @@
 //! Surfaces that straight light may pass: panes of glass.
 
 use crate::geometry::{Ray, SurfaceId};
-use crate::scene::Geometry;
+use crate::scene::{Geometry, SampledAppearance};
 use crate::tracers::RayTracer;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -57,7 +57,19 @@ impl Passages {
         Self::walk_all(geometry, tracer, [(from, to)].into_iter()).pop().flatten()
     }
 
-    /// The same for many ways, one surface after the other.
+    /// What the panes on the way from `from` to `to` let through, `[W]`; `None` if anything else is there.
+    pub fn light(
+        geometry: &Geometry,
+        appearance: &SampledAppearance,
+        tracer: &dyn RayTracer,
+        from: DVec3,
+        to: DVec3,
+    ) -> Option<Vec<f32>> {
+        let list = Self::walk(geometry, tracer, from, to)?;
+        appearance.through(geometry, &list, (to - from).normalize())
+    }
+
+    /// [`Passages::walk`] for many ways, one surface after the other.
     pub fn walk_all(
         geometry: &Geometry,
         tracer: &dyn RayTracer,
