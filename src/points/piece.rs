@@ -204,7 +204,7 @@ mod tests {
         for round in &rounds {
             for piece in [Piece::whole(round, Side::Back), Piece::whole(round, Side::Front).quarters()[2]] {
                 let sum = |known: &[Middle]| {
-                    let fine = |place: DVec3, area: f64| area < 4e-3 * place.distance_squared(from);
+                    let fine = |place: DVec3, area: f64| area < 1e-3 * place.distance_squared(from);
                     let mut pieces = 0;
                     let sum = piece.sum(known, 6, fine, |place, normal, area| {
                         pieces += 1;
