@@ -21,7 +21,7 @@ use std::f32::consts::PI;
 /// this projected solid angle, sr.
 pub(super) const DOUBT: f32 = 1e-5;
 
-/// So many middles of pieces are kept at most, 56 bytes each,
+/// So many middles of pieces are kept at most where that leaves more than one an element, 56 bytes each,
 const MIDDLES: usize = 1 << 20;
 
 /// and no more levels of them for an element.

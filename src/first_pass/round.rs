@@ -28,7 +28,7 @@ pub fn of_piece(position: Vec3, normal: Vec3, piece: &Piece, known: &[Middle]) -
 /// Of a piece of a hollow surface seen from the middle of another piece of it, or of itself. On the inside of a sphere
 /// d_i = d_j = r² / 2R, so the kernel is A / 4R² whatever the points. Elsewhere it is bounded in the same way, by the
 /// curvature, and some few pieces add up to it however near they are; but for the tip of a cone, about which it turns
-/// within an element.
+/// within an element. Some or none of the [`Piece::middles`] are `known`.
 pub fn of_own(from: &Piece, piece: &Piece, known: &[Middle]) -> f64 {
     if let Round::Sphere(sphere) = piece.round {
         return piece.area() / (4.0 * sphere.radius * sphere.radius);
